@@ -1,0 +1,1 @@
+"""What a vehicle believes about a fish: the particle filters."""

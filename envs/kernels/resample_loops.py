@@ -1,0 +1,117 @@
+"""Systematic resampling of a row, in integers: every step is exact or rounded the same way everywhere.
+
+Weights become 30-bit fixed point, their prefix sum is exact, each particle's first pointer is a rounded-up product, and the
+ancestors are a scatter followed by a running maximum: no branches, no search.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
+
+f32 = np.float32
+i32 = np.int32
+FIXED_POINT = f32(2.0**30)
+
+
+@compiled
+def total_weight(weight):
+    """Sum of a float32 row."""
+    total = f32(0.0)
+    for i in range(weight.shape[0]):
+        total += weight[i]
+    return total
+
+
+@compiled
+def quantize(weight, fixed, total):
+    """Weights as integers that sum to at most about 2^30."""
+    scale = FIXED_POINT / total
+    for i in range(weight.shape[0]):
+        fixed[i] = i32(weight[i] * scale)
+
+
+@compiled
+def accumulate(fixed):
+    """Replace each integer weight by the sum of those before it. Returns the sum of all."""
+    running = i32(0)
+    for i in range(fixed.shape[0]):
+        own = fixed[i]
+        fixed[i] = running
+        running = i32(running + own)
+    return running
+
+
+@compiled
+def find_first_pointers(fixed, total, offset):
+    """Replace each sum by the number of the first pointer at or past it; pointer j stands at (j + offset) * total / N."""
+    pointers_per_unit = np.float64(fixed.shape[0]) / np.float64(total)
+    for i in range(fixed.shape[0]):
+        fixed[i] = i32(np.ceil(np.float64(fixed[i]) * pointers_per_unit - offset))
+
+
+@compiled
+def find_parents(first_pointer, parent):
+    """Fill ``parent`` (N + 1; the last is a dump) with the particle whose share each pointer falls into."""
+    for j in range(parent.shape[0]):
+        parent[j] = i32(0)
+    for i in range(first_pointer.shape[0]):
+        parent[np.uintp(first_pointer[i])] = i32(i)  # of several with one first pointer only the last has a share
+    highest = i32(0)
+    for j in range(parent.shape[0]):
+        highest = max(highest, parent[j])
+        parent[j] = highest
+
+
+@compiled
+def gather(source, target, parent):
+    """target[j] = source[parent[j]] (unsigned: no test for an index from the end)."""
+    for j in range(target.shape[0]):
+        target[j] = source[np.uint32(parent[j])]
+
+
+@compiled
+def copy_row(source, target):
+    """target[:] = source: numba's own slice assignment first tests for overlap and then copies one by one."""
+    for j in range(target.shape[0]):
+        target[j] = source[j]
+
+
+@compiled
+def fill_row(target, value):
+    """target[:] = value."""
+    for j in range(target.shape[0]):
+        target[j] = value
+
+
+@compiled
+def heaviest(weight):
+    """Index of the largest weight (the first of equals)."""
+    best = 0
+    for i in range(weight.shape[0]):
+        if weight[i] > weight[best]:
+            best = i
+    return best
+
+
+@compiled
+def resample(particles, weight, fixed, parent, children, offset):
+    """Systematic resampling of one row with one uniform ``offset`` in [0, 1).
+
+    Args:
+        particles: (4, N) float32, replaced. weight: (N,) float32, not normalized. fixed: (N,) and parent: (N + 1,) int32,
+            children: (N,) float32: scratch; afterwards ``fixed`` holds each particle's first child.
+    Returns:
+        False, with nothing changed, where no weight is positive or the sum is not finite.
+    """
+    total = total_weight(weight)
+    if not (total > f32(0.0) and total < f32(np.inf)):
+        return False
+    quantize(weight, fixed, total)
+    find_first_pointers(fixed, accumulate(fixed), offset)
+    find_parents(fixed, parent)
+    for component in range(particles.shape[0]):
+        gather(particles[component], children, parent)
+        copy_row(children, particles[component])
+    return True

@@ -1,0 +1,41 @@
+"""Loops that condense a row of particles: means about the vehicle, spreads about the mean (float32 keeps its digits so)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
+
+f32 = np.float32
+
+
+@compiled
+def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
+    """Mean offset from the vehicle (x, y) [m] and the share of particles to port of its heading."""
+    sum_x = f32(0.0)
+    sum_y = f32(0.0)
+    port = f32(0.0)
+    for i in range(x.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        sum_x += dx
+        sum_y += dy
+        port += f32(1.0) if ahead_x * dy - ahead_y * dx > f32(0.0) else f32(0.0)
+    count = f32(x.shape[0])
+    return sum_x / count, sum_y / count, port / count
+
+
+@compiled
+def spread_about(x, y, mean_x, mean_y):
+    """Second moments (xx, yy, xy) [m^2] about a mean."""
+    xx = f32(0.0)
+    yy = f32(0.0)
+    xy = f32(0.0)
+    for i in range(x.shape[0]):
+        dx = x[i] - mean_x
+        dy = y[i] - mean_y
+        xx += dx * dx
+        yy += dy * dy
+        xy += dx * dy
+    count = f32(x.shape[0])
+    return xx / count, yy / count, xy / count

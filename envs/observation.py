@@ -1,0 +1,146 @@
+"""What a policy sees: the belief condensed to numbers near one, in the vehicle's own frame. No truth enters here.
+
+The features are scaled by hand, so that a saved policy needs no normalizer. ``TAG_FEATURES`` come once for each tag,
+``OWN_FEATURES`` once; ``feature_names`` is the layout that a policy file is checked against.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.sim.geometry import wrap_angle
+
+LENGTH = 100.0  # m: distances are given as shares of this
+SILENCE_SCALE = 5.0
+
+
+class Feature(NamedTuple):
+    """One number of the observation."""
+
+    name: str
+    meaning: str
+    low: float
+    high: float
+
+
+TAG_FEATURES = (
+    Feature("distance", "to the mean of the belief / 100 m", 0.0, 10.0),
+    Feature("log_distance", "ln(1 + distance / 5 m) / 4", 0.0, 2.0),
+    Feature("bearing_cos", "of the belief's bearing relative to the heading", -1.0, 1.0),
+    Feature("bearing_sin", "the same; positive to port", -1.0, 1.0),
+    Feature("log_spread_along", "ln(standard deviation along the line of sight / 1 m) / 4", -1.0, 2.0),
+    Feature("log_spread_across", "the same across it", -1.0, 2.0),
+    Feature("spread_correlation", "between along and across", -1.0, 1.0),
+    Feature("port_balance", "share of particles to port minus share to starboard", -1.0, 1.0),
+    Feature("silence", "ln(1 + time since the last detection / 1 s) / 5", 0.0, 2.0),
+    Feature("last_units", "last bearing reading / 9 Lotek units; 0 before the first", -1.0, 1.0),
+    Feature("last_strength", "last signal strength / 50; 0 before the first", -2.0, 4.0),
+    Feature("heard_lately", "share of pings heard, average over some 5 pings", 0.0, 1.0),
+    Feature("heard_long", "the same over some 33 pings", 0.0, 1.0),
+    Feature("velocity_along", "of the belief along the line of sight, 20 s average / 1 m/s", -2.0, 2.0),
+    Feature("velocity_across", "the same across it, positive to the left of the line", -2.0, 2.0),
+    Feature("bearing_cos_lately", "bearing_cos, average over some 20 s", -1.0, 1.0),
+    Feature("bearing_sin_lately", "bearing_sin, average over some 20 s", -1.0, 1.0),
+    Feature("ping_phase", "time since the tag last pinged / its period", 0.0, 1.0),
+)
+OWN_FEATURES = (
+    Feature("heading_cos", "of the compass heading", -1.0, 1.0),
+    Feature("heading_sin", "the same", -1.0, 1.0),
+    Feature("speed", "through the water / largest speed", 0.0, 1.0),
+)
+TAG_COUNT = len(TAG_FEATURES)
+OWN_COUNT = len(OWN_FEATURES)
+
+
+def features(targets: int) -> tuple[Feature, ...]:
+    """All features of one vehicle's observation, in order; with several tags each name carries its tag's number."""
+    if targets == 1:
+        return TAG_FEATURES + OWN_FEATURES
+    tagged = tuple(
+        feature._replace(name=f"tag_{t}.{feature.name}") for t in range(targets) for feature in TAG_FEATURES
+    )
+    return tagged + OWN_FEATURES
+
+
+def feature_names(targets: int = 1) -> tuple[str, ...]:
+    return tuple(feature.name for feature in features(targets))
+
+
+def action_names(speed_control: bool) -> tuple[str, ...]:
+    """Names of the action's components."""
+    return ("ahead", "port", "speed") if speed_control else ("ahead", "port")
+
+
+@compiled
+def decode_action(action, vehicle, belief, max_speed, speed_control):
+    """Course [rad] and speed [m/s] of an action.
+
+    (ahead, port) points relative to the line from the vehicle to the mean of the belief: (1, 0) is pursuit, (0, 1) keeps the
+    fish abeam to starboard. The zero vector means pursuit, too. The third component, where there is one, runs from rest (-1) to
+    full speed (1).
+    """
+    ahead = min(max(np.float64(action[0]), -1.0), 1.0)
+    port = min(max(np.float64(action[1]), -1.0), 1.0)
+    line = math.atan2(belief.mean_y - vehicle.believed_y, belief.mean_x - vehicle.believed_x)
+    course = wrap_angle(line + (math.atan2(port, ahead) if ahead != 0.0 or port != 0.0 else 0.0))
+    speed = max_speed
+    if speed_control:
+        speed *= 0.5 * (1.0 + min(max(np.float64(action[2]), -1.0), 1.0))
+    return course, speed
+
+
+@compiled
+def follow_bearing(contact, vehicle, belief, time_step):
+    """Update the running averages of heading against bearing."""
+    line = math.atan2(belief.mean_y - vehicle.believed_y, belief.mean_x - vehicle.believed_x)
+    share = min(1.0, time_step / 20.0)
+    contact.cos_lately += share * (math.cos(line - vehicle.compass) - contact.cos_lately)
+    contact.sin_lately += share * (math.sin(line - vehicle.compass) - contact.sin_lately)
+
+
+@compiled
+def observe_tag(out, belief, contact, vehicle, phase):
+    """Write the features of one tag, in the order of ``TAG_FEATURES``, each clipped to its bounds."""
+    dx = belief.mean_x - vehicle.believed_x
+    dy = belief.mean_y - vehicle.believed_y
+    distance = math.sqrt(dx * dx + dy * dy)
+    line = math.atan2(dy, dx)
+    along_x = math.cos(line)
+    along_y = math.sin(line)
+    bearing = line - vehicle.compass
+    along = along_x * along_x * belief.xx + along_y * along_y * belief.yy + 2.0 * along_x * along_y * belief.xy
+    across = along_y * along_y * belief.xx + along_x * along_x * belief.yy - 2.0 * along_x * along_y * belief.xy
+    both = along_x * along_y * (belief.yy - belief.xx) + (along_x * along_x - along_y * along_y) * belief.xy
+    along = max(along, 1e-4)
+    across = max(across, 1e-4)
+    heard_before = not math.isnan(contact.units)
+    out[0] = min(distance / LENGTH, 10.0)
+    out[1] = min(math.log(1.0 + distance / 5.0) / 4.0, 2.0)
+    out[2] = math.cos(bearing)
+    out[3] = math.sin(bearing)
+    out[4] = min(max(math.log(along) / 8.0, -1.0), 2.0)
+    out[5] = min(max(math.log(across) / 8.0, -1.0), 2.0)
+    out[6] = min(max(both / math.sqrt(along * across), -1.0), 1.0)
+    out[7] = 2.0 * contact.port - 1.0
+    out[8] = min(math.log(1.0 + contact.silence) / SILENCE_SCALE, 2.0)
+    out[9] = contact.units / 9.0 if heard_before else 0.0
+    out[10] = min(max(contact.strength / 50.0, -2.0), 4.0) if heard_before else 0.0
+    out[11] = contact.heard_lately
+    out[12] = contact.heard_long
+    out[13] = min(max(belief.velocity_x * along_x + belief.velocity_y * along_y, -2.0), 2.0)
+    out[14] = min(max(belief.velocity_y * along_x - belief.velocity_x * along_y, -2.0), 2.0)
+    out[15] = contact.cos_lately
+    out[16] = contact.sin_lately
+    out[17] = phase
+
+
+@compiled
+def observe_own(out, vehicle, max_speed):
+    """Write the features of the vehicle itself, in the order of ``OWN_FEATURES``."""
+    out[0] = math.cos(vehicle.compass)
+    out[1] = math.sin(vehicle.compass)
+    out[2] = min(max(vehicle.speed / max_speed, 0.0), 1.0)

@@ -1,0 +1,213 @@
+"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan and covariance ellipse (pygame-ce).
+
+All that it draws it reads from a ``Simulation``; it changes nothing. Shapes are painted at twice the size and scaled
+down, which smooths their edges; text is written last. The legend beside the map is in ``legend.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tagtrack.envs.legend import (
+    BELIEF,
+    CROSS,
+    FISH,
+    FISH_SHAPE,
+    GRID,
+    INK,
+    PANEL,
+    VEHICLE,
+    VEHICLE_SHAPE,
+    WATER,
+    Legend,
+    paint_shape,
+)
+from tagtrack.envs.sim.acoustics import bearing_in_units
+from tagtrack.envs.simulation import Simulation
+
+FRAMES_PER_SECOND = 20
+MAP = 640  # side of the map [pixels]
+FINE = 2  # painted at so many times the size
+SIDE = MAP * FINE
+NEAREST_VIEW = 70.0  # half the width of the closest view [m]
+ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distribution [standard deviations]
+
+
+class Picture:
+    """Follows one world of a simulation and paints it. Call ``follow`` after each reset and step.
+
+    Raises:
+        ImportError: without pygame-ce, when it is made.
+    """
+
+    def __init__(self, simulation: Simulation, world: int = 0) -> None:
+        try:
+            import pygame
+        except ImportError:
+            raise ImportError('rendering needs pygame-ce: pip install "tagtrack[render]"') from None
+        self._pygame: Any = pygame
+        self._legend = Legend(simulation, world)
+        self._simulation = simulation
+        self._world = world
+        self._canvas = pygame.Surface((SIDE, SIDE))
+        self._window: Any = None
+        self._clock: Any = None
+        sides = np.linspace(math.pi, 0.0, 181)
+        self._sides, self._units = sides, np.array([bearing_in_units(side) for side in sides])  # units rise
+        self._begin()
+
+    def _begin(self) -> None:
+        self._vehicle_track: list[np.ndarray] = []
+        self._fish_track: list[np.ndarray] = []
+        self._readings: dict[tuple[int, int], tuple[np.ndarray, float, float]] = {}  # where, compass, units
+        self._low = np.full(2, -NEAREST_VIEW)
+        self._high = np.full(2, NEAREST_VIEW)
+
+    def follow(self) -> None:
+        """Note where everything is now; a world at step 0 begins a new picture."""
+        simulation, world = self._simulation, self._world
+        if simulation.worlds.clock["step"][world] == 0:
+            self._begin()
+        self._vehicle_track.append(simulation.vehicle_position[world])
+        self._fish_track.append(simulation.fish_position[world].astype(float))
+        for v, t in np.argwhere(simulation.detected[world]).tolist():
+            vehicle = simulation.worlds.vehicles[world, v]
+            place = np.array([vehicle["believed_x"], vehicle["believed_y"]])
+            units = float(simulation.worlds.contacts["units"][world, v, t])
+            self._readings[v, t] = (place, float(vehicle["compass"]), units)
+        for points in (self._vehicle_track[-1], self._fish_track[-1], self._particles()):
+            self._low = np.minimum(self._low, points.min(axis=0))  # the view only widens, so that it holds still
+            self._high = np.maximum(self._high, points.max(axis=0))
+
+    def paint(self) -> np.ndarray:
+        """The picture, (MAP, MAP + PANEL, 3) uint8."""
+        rows = self._pygame.image.tobytes(self._paint_surface(), "RGB")
+        return np.frombuffer(rows, np.uint8).reshape(MAP, MAP + PANEL, 3).copy()
+
+    def show(self) -> None:
+        """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``."""
+        pygame = self._pygame
+        if self._window is None:
+            pygame.display.init()
+            pygame.display.set_caption("TagTrack")
+            self._window = pygame.display.set_mode((MAP + PANEL, MAP))
+            self._clock = pygame.time.Clock()
+        self._window.blit(self._paint_surface(), (0, 0))
+        pygame.event.pump()
+        pygame.display.flip()
+        self._clock.tick(FRAMES_PER_SECOND)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._pygame.display.quit()
+            self._window = None
+
+    def _particles(self) -> np.ndarray:
+        """(M, 2) all particles of the world [m]."""
+        particles = self._simulation.worlds.particles[self._world, ..., :2, :]
+        return np.moveaxis(particles, -2, -1).reshape(-1, 2)
+
+    def _pixel(self, place: Any) -> np.ndarray:
+        """Where on the canvas places (..., 2) [m] are."""
+        offset = (np.asarray(place, float) - self._centre) * self._scale
+        return offset * (1.0, -1.0) + 0.5 * SIDE
+
+    def _paint_surface(self) -> Any:
+        pygame = self._pygame
+        self._centre = 0.5 * (self._low + self._high)
+        self._scale = SIDE / (1.12 * float((self._high - self._low).max()))  # pixels of the canvas per metre
+        self._paint_water()
+        self._paint_fans()
+        self._paint_tracks()
+        self._paint_particles()
+        self._paint_beliefs()
+        self._paint_bodies()
+        picture = pygame.Surface((MAP + PANEL, MAP))
+        picture.blit(pygame.transform.smoothscale(self._canvas, (MAP, MAP)), (0, 0))
+        self._write_scale(picture)
+        picture.blit(self._legend.paint(MAP, [units for _, _, units in self._readings.values()]), (MAP, 0))
+        return picture
+
+    def _bar(self) -> float:
+        """A round length that fills between an eighth and a quarter of the map [m]."""
+        longest = 0.26 * SIDE / self._scale
+        power = 10.0 ** math.floor(math.log10(longest))
+        return next(digit * power for digit in (5.0, 2.0, 1.0) if digit * power <= longest)
+
+    def _paint_water(self) -> None:
+        self._canvas.fill(WATER)
+        bar = self._bar()
+        first = np.ceil((self._centre - 0.5 * SIDE / self._scale) / bar)
+        for k in range(int(SIDE / self._scale / bar) + 1):
+            x, y = self._pixel((first + k) * bar)
+            self._pygame.draw.line(self._canvas, GRID, (x, 0), (x, SIDE), FINE)
+            self._pygame.draw.line(self._canvas, GRID, (0, y), (SIDE, y), FINE)
+
+    def _paint_fans(self) -> None:
+        """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides."""
+        scenario = self._simulation.scenario
+        sigma = scenario.belief.receiver.bearing_sigma
+        layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
+        for (v, t), (place, compass, units) in self._readings.items():
+            age = self._simulation.worlds.contacts["silence"][self._world, v, t]
+            colour = (*VEHICLE, 20 + 60 * math.exp(-age / 30.0))  # it fades
+            nearer, farther = np.interp((units + sigma, units - sigma), self._units, self._sides)
+            for side in (1.0, -1.0):
+                angles = compass + side * np.linspace(nearer, farther, 24)
+                arc = place + scenario.water.reach * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+                self._pygame.draw.polygon(layer, colour, self._pixel(np.vstack((place, arc))).tolist())
+        self._canvas.blit(layer, (0, 0))
+
+    def _paint_tracks(self) -> None:
+        for track, colour in ((self._vehicle_track, VEHICLE), (self._fish_track, FISH)):
+            if len(track) > 1:
+                for path in np.stack(track, axis=1):
+                    self._pygame.draw.lines(self._canvas, colour, False, self._pixel(path).tolist(), 2 * FINE)
+
+    def _paint_particles(self) -> None:
+        """Each a small square; where they are many the colour is deep."""
+        pygame, count = self._pygame, self._simulation.worlds.particles.shape[-1]
+        stamp = np.array(list(np.ndindex(2 * FINE + 1, 2 * FINE + 1))) - FINE
+        cells = (self._pixel(self._particles()).astype(int)[:, np.newaxis] + stamp).reshape(-1, 2)
+        cells = cells[((cells >= 0) & (cells < SIDE)).all(axis=1)]
+        cell, depth = np.unique(cells[:, 0] * SIDE + cells[:, 1], return_counts=True)
+        layer = pygame.Surface((SIDE, SIDE), pygame.SRCALPHA)
+        layer.fill((*BELIEF, 0))
+        alpha = pygame.surfarray.pixels_alpha(layer)
+        alpha[cell // SIDE, cell % SIDE] = 215.0 * (1.0 - np.exp(-0.8 * min(1.0, (1000 / count) ** 0.5) * depth))
+        del alpha  # it locks the layer
+        self._canvas.blit(layer, (0, 0))
+
+    def _paint_beliefs(self) -> None:
+        """The 95 % ellipse and the estimate, with a line from it to the true fish: the error."""
+        simulation, world, draw = self._simulation, self._world, self._pygame.draw
+        turn = np.linspace(0.0, 2.0 * math.pi, 72)
+        circle = ELLIPSE * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+        for o, t in np.ndindex(simulation.error.shape[1:]):
+            values, axes = np.linalg.eigh(simulation.covariance[world, o, t])
+            ellipse = simulation.mean[world, o, t] + circle * np.sqrt(np.maximum(values, 0.0)) @ axes.T
+            draw.lines(self._canvas, BELIEF, True, self._pixel(ellipse).tolist(), 2 * FINE)
+            estimate = self._pixel(simulation.estimate[world, o, t])
+            draw.line(self._canvas, INK, estimate, self._pixel(self._fish_track[-1][t]), FINE)
+            paint_shape(self._canvas, CROSS, estimate, BELIEF, FINE)
+
+    def _paint_bodies(self) -> None:
+        simulation, world = self._simulation, self._world
+        perimeter = simulation.scenario.reward.perimeter
+        for place, fish in zip(self._fish_track[-1], simulation.worlds.fish[world], strict=True):
+            if perimeter > 0:
+                self._pygame.draw.circle(self._canvas, FISH, self._pixel(place), perimeter * self._scale, FINE)
+            paint_shape(self._canvas, FISH_SHAPE, self._pixel(place), FISH, FINE, float(fish[2, 0]))
+        for place, vehicle in zip(self._vehicle_track[-1], simulation.worlds.vehicles[world], strict=True):
+            paint_shape(self._canvas, VEHICLE_SHAPE, self._pixel(place), VEHICLE, FINE, float(vehicle["heading"]))
+
+    def _write_scale(self, picture: Any) -> None:
+        bar = self._bar()
+        right = 20 + round(bar * self._scale / FINE)
+        corners = [(20, MAP - 26), (20, MAP - 18), (right, MAP - 18), (right, MAP - 26)]
+        self._pygame.draw.lines(picture, INK, False, corners, 2)
+        self._legend.write(picture, f"{bar:g} m", (27, MAP - 37))

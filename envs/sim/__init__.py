@@ -1,0 +1,1 @@
+"""The world: vehicle, fish, tags and water."""

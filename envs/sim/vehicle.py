@@ -1,0 +1,103 @@
+"""The vehicle: an Iver2-like unicycle that steers its heading by P control and navigates by GPS, compass and dead reckoning.
+
+Clark et al. 2013, sections 3 and 4.2. Left out: depth, pitch and roll.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.random import NAVIGATION, START, normal_pair
+from tagtrack.envs.sim.geometry import wrap_angle
+from tagtrack.envs.sim.validation import require, settle_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """Limits, control and navigation of one vehicle."""
+
+    max_speed: float = 1.3  # through the water [m/s]: an Iver2 with a hydrophone frame
+    acceleration: float = 0.3  # largest change of speed [m/s^2]
+    max_turn_rate: float = 0.15  # [rad/s]: with the high-drag frame a circle of some 9 m at full speed
+    heading_gain: float = 0.25  # P control of the heading (4.2) [1/s]
+    compass_sigma: float = 0.03  # [rad]
+    fix_interval: float = 60.0  # time from one GPS fix at the surface to the next [s]; 0: always at the surface
+    fix_sigma: float = 1.0  # of a GPS fix, each axis [m]
+    drift_sigma: float = 0.1  # growth of the dead-reckoning error, each axis [m per sqrt(s)]
+    current_speed: float = 0.0  # of the uniform current that carries the vehicle [m/s]
+    current_heading: float = 0.0  # direction it flows to [rad]
+
+    def __post_init__(self) -> None:
+        settle_numbers(self)
+        for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain"):
+            require(getattr(self, name) > 0, self, name, "positive")
+        for name in ("compass_sigma", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
+            require(getattr(self, name) >= 0, self, name, "at least 0")
+
+
+# One vehicle's state. `x`, `y`, `heading`, `speed` are true; `believed_*` is the position the vehicle believes, `compass` the
+# heading it reads; all in m, rad, m/s. `since_fix` [s].
+VEHICLE = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("x", "y", "heading", "speed", "believed_x", "believed_y", "compass", "since_fix", "course")
+    ]
+)
+
+
+@compiled
+def launch(vehicle, stream, index, parameters):
+    """Put a vehicle at rest at the origin of its world, on a random heading, with a fresh GPS fix."""
+    error_x, error_y = normal_pair(stream, START, 16 * index)
+    turn, _ = normal_pair(stream, START, 16 * index + 1)
+    vehicle.x = 0.0
+    vehicle.y = 0.0
+    vehicle.speed = 0.0
+    vehicle.heading = wrap_angle(turn * 10.0 * math.pi)  # so wide a normal is uniform on the circle
+    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * error_x)
+    vehicle.believed_x = parameters.fix_sigma * error_x
+    vehicle.believed_y = parameters.fix_sigma * error_y
+    vehicle.since_fix = 0.0
+    vehicle.course = vehicle.heading
+
+
+@compiled
+def steer(vehicle, course, speed, stream, index, parameters, time_step):
+    """One step of P control towards a course [rad] and a speed [m/s]: the compass is what the controller sees."""
+    vehicle.course = course
+    turn_rate = parameters.heading_gain * wrap_angle(course - vehicle.compass)
+    turn_rate = min(max(turn_rate, -parameters.max_turn_rate), parameters.max_turn_rate)
+    change = parameters.acceleration * time_step
+    vehicle.speed += min(max(speed - vehicle.speed, -change), change)
+    turn = turn_rate * time_step
+    chord = vehicle.speed * time_step
+    if abs(turn) > 1e-6:
+        chord *= math.sin(0.5 * turn) / (0.5 * turn)  # an arc, not a straight step
+    middle = vehicle.heading + 0.5 * turn
+    drift_x = parameters.current_speed * math.cos(parameters.current_heading) * time_step
+    drift_y = parameters.current_speed * math.sin(parameters.current_heading) * time_step
+    vehicle.x += chord * math.cos(middle) + drift_x
+    vehicle.y += chord * math.sin(middle) + drift_y
+    vehicle.heading = wrap_angle(vehicle.heading + turn)
+    navigate(vehicle, chord * math.cos(middle), chord * math.sin(middle), stream, index, parameters, time_step)
+
+
+@compiled
+def navigate(vehicle, moved_x, moved_y, stream, index, parameters, time_step):
+    """What the vehicle believes: a GPS fix when it is due, dead reckoning through the water (blind to the current) between."""
+    noise_x, noise_y = normal_pair(stream, NAVIGATION, 2 * index)
+    vehicle.since_fix += time_step
+    if vehicle.since_fix >= parameters.fix_interval:
+        vehicle.since_fix = 0.0
+        vehicle.believed_x = vehicle.x + parameters.fix_sigma * noise_x
+        vehicle.believed_y = vehicle.y + parameters.fix_sigma * noise_y
+    else:
+        growth = parameters.drift_sigma * math.sqrt(time_step)
+        vehicle.believed_x += moved_x + growth * noise_x
+        vehicle.believed_y += moved_y + growth * noise_y
+    compass_noise, _ = normal_pair(stream, NAVIGATION, 2 * index + 1)
+    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * compass_noise)

@@ -1,0 +1,261 @@
+"""The batched core: the only holder of state. Every shell (Gymnasium, vector, Stable-Baselines3, PettingZoo) is a view of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+
+from tagtrack.envs.belief.filter import BELIEF, FilterRule, covariance, filter_rule, make_scratch
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.observation import Feature, action_names, features
+from tagtrack.envs.scenario import REWARD_TERMS, Reward, Scenario, Start
+from tagtrack.envs.sim.acoustics import CONTACT, StereoHydrophone, Tag, Water
+from tagtrack.envs.sim.motion import MotionRule, Replay
+from tagtrack.envs.sim.tracks import TARGET, Track, resample_track
+from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle
+from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
+
+LARGEST_SEED = 2**63 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldRule:
+    """A scenario as compiled code reads it."""
+
+    time_step: float
+    episode_steps: int
+    speed_control: bool
+    vehicle: Vehicle
+    fish: MotionRule
+    start: Start
+    tag: Tag
+    water: Water
+    receiver: StereoHydrophone
+    belief: FilterRule
+    reward: Reward
+
+
+class Simulation:
+    """B worlds of one scenario, stepped together.
+
+    Arrays that it hands out (``observation``, ``reward``, ``worlds`` ...) are its own and change with the next step: copy what
+    you keep. World ``i`` has seed ``seed + i``; its episodes are numbered from 0. The same (seed, episode) gives the same
+    numbers bit for bit, alone, in any batch and on any number of threads, and the fish swims the same whatever the vehicle does.
+
+    Args:
+        scenario: what is simulated. num_worlds: B. threads: worlds are split among so many.
+        track: the recorded track for a scenario whose fish is a ``Replay``.
+    """
+
+    def __init__(self, scenario: Scenario, num_worlds: int = 1, *, threads: int = 1, track: Track | None = None) -> None:
+        for name, value in (("num_worlds", num_worlds), ("threads", threads)):
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+                raise ValueError(f"{name} must be a whole number of at least 1, got {value!r}")
+        self.scenario = scenario
+        self.num_worlds = int(num_worlds)
+        self.threads = min(int(threads), self.num_worlds)
+        self.features: tuple[Feature, ...] = features(scenario.targets)
+        self.action_names = action_names(scenario.speed_control)
+        self._parameters = to_record(_world_rule(scenario))
+        self._track = _track_table(scenario, track)
+        b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
+        particles = scenario.belief.particles
+        self.worlds = Worlds(
+            clock=np.zeros(b, WORLD),
+            vehicles=np.zeros((b, v), VEHICLE),
+            targets=np.zeros((b, t), TARGET),
+            fish=np.zeros((b, t, 4, 1), np.float32),
+            contacts=np.zeros((b, v, t), CONTACT),
+            beliefs=np.zeros((b, o, t), BELIEF),
+            particles=np.zeros((b, o, t, 4, particles), np.float32),
+        )
+        self.outputs = Outputs(
+            observation=np.zeros((b, v, len(self.features)), np.float32),
+            terms=np.zeros((b, v, len(REWARD_TERMS))),
+        )
+        self._scratch = [make_scratch(particles) for _ in range(self.threads)]
+        self._bounds = np.linspace(0, b, self.threads + 1).astype(int).tolist()
+        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
+        self._chosen = np.zeros(b, bool)
+        self._reset_arguments = (self._chosen, self._parameters, self._track, self.worlds, self.outputs)
+        self._step_arguments = (self._parameters, self._track, self._actions, self.worlds, self.outputs)
+        self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._scratch[0])
+        self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._scratch[0])
+
+    def reset(self, seed: int | Sequence[int] | None = None, mask: np.ndarray | None = None) -> np.ndarray:
+        """Begin a new episode: of ``seed`` its first, without a seed the next one.
+
+        Args:
+            seed: of world 0 (world i gets seed + i), or one for each world.
+            mask: (B,) bool, the worlds to reset; all if None.
+        Returns:
+            (B, V, D) float32 observation, of which only the chosen worlds' rows are new.
+        """
+        if mask is not None and np.shape(mask) != (self.num_worlds,):
+            raise ValueError(f"mask must have shape ({self.num_worlds},), got {np.shape(mask)}")
+        chosen = self._chosen
+        chosen[...] = True if mask is None else mask
+        clock = self.worlds.clock
+        if seed is None:
+            clock["episode"][chosen] += np.uint64(1)
+        else:
+            clock["seed"][chosen] = self._seeds(seed)[chosen]
+            clock["episode"][chosen] = 0
+        self._run(self._reset_worlds, self._reset_arguments)
+        return self.outputs.observation
+
+    def _seeds(self, seed: int | Sequence[int]) -> np.ndarray:
+        seeds = [int(seed) + i for i in range(self.num_worlds)] if np.ndim(seed) == 0 else [int(s) for s in seed]
+        if len(seeds) != self.num_worlds:
+            raise ValueError(f"there must be one seed for each of {self.num_worlds} worlds, got {len(seeds)}")
+        if not 0 <= min(seeds) <= max(seeds) <= LARGEST_SEED:
+            raise ValueError(f"seeds must be from 0 to {LARGEST_SEED}, got {min(seeds)} to {max(seeds)}")
+        return np.array(seeds, np.uint64)
+
+    def step(self, actions: np.ndarray) -> None:
+        """Advance all worlds by one time step under ``actions`` (B, V, A) in [-1, 1] (values beyond are clipped).
+
+        Raises:
+            ValueError: for another shape, or a NaN or infinity among the actions.
+        """
+        if np.shape(actions) != self._actions.shape:
+            raise ValueError(f"actions must have shape {self._actions.shape}, got {np.shape(actions)}")
+        self._actions[...] = actions
+        world = find_broken_action(self._actions)
+        if world >= 0:
+            raise ValueError(f"actions must be finite, got {self._actions[world].tolist()} for world {world}")
+        self._run(self._step_worlds, self._step_arguments)
+
+    def _run(self, kernel: Any, arguments: tuple[Any, ...]) -> None:
+        if self._pool is None:
+            kernel(0, self.num_worlds, *arguments, self._scratch[0])
+            return
+        parts = [
+            self._pool.submit(kernel, first, last, *arguments, scratch)
+            for first, last, scratch in zip(self._bounds, self._bounds[1:], self._scratch, strict=False)
+        ]
+        for part in parts:
+            part.result()
+
+    @property
+    def observation(self) -> np.ndarray:
+        """(B, V, D) float32."""
+        return self.outputs.observation
+
+    @property
+    def reward(self) -> np.ndarray:
+        """(B, V) sum of the weighted terms of the last step."""
+        return self.outputs.terms.sum(axis=-1)
+
+    @property
+    def reward_terms(self) -> dict[str, np.ndarray]:
+        """The weighted terms of the last step by name, each (B, V)."""
+        return {name: self.outputs.terms[..., k] for k, name in enumerate(REWARD_TERMS)}
+
+    @property
+    def error(self) -> np.ndarray:
+        """(B, O, T) distance from estimate to true fish [m]."""
+        return self.worlds.beliefs["error"]
+
+    @property
+    def range(self) -> np.ndarray:
+        """(B, V, T) true distance from vehicle to fish [m]."""
+        return self.worlds.contacts["range"]
+
+    @property
+    def detected(self) -> np.ndarray:
+        """(B, V, T) whether a usable signal came in at the last step."""
+        return self.worlds.contacts["detected"]
+
+    @property
+    def mean(self) -> np.ndarray:
+        """(B, O, T, 2) mean of the particles [m]."""
+        return np.stack([self.worlds.beliefs["mean_x"], self.worlds.beliefs["mean_y"]], axis=-1)
+
+    @property
+    def estimate(self) -> np.ndarray:
+        """(B, O, T, 2) what the filter reports: the mean or the best particle [m]."""
+        return np.stack([self.worlds.beliefs["estimate_x"], self.worlds.beliefs["estimate_y"]], axis=-1)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(B, O, T, 2, 2) covariance of the particles [m^2]."""
+        return covariance(self.worlds.beliefs)
+
+    @property
+    def fish_position(self) -> np.ndarray:
+        """(B, T, 2) true positions [m], float32."""
+        return self.worlds.fish[:, :, :2, 0]
+
+    @property
+    def vehicle_position(self) -> np.ndarray:
+        """(B, V, 2) true positions [m]."""
+        return np.stack([self.worlds.vehicles["x"], self.worlds.vehicles["y"]], axis=-1)
+
+    def save_state(self) -> tuple[np.ndarray, ...]:
+        """A copy of the whole state, for ``load_state``."""
+        return tuple(array.copy() for array in (*self.worlds, *self.outputs))
+
+    def load_state(self, state: tuple[np.ndarray, ...]) -> None:
+        """Return to a state that ``save_state`` gave (of a simulation of the same shape)."""
+        for own, saved in zip((*self.worlds, *self.outputs), state, strict=True):
+            np.copyto(own, saved)
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+            self.threads = 1
+
+
+@compiled
+def find_broken_action(actions):
+    """The first world with a NaN or an infinity among its actions (B, V, A); -1 if there is none."""
+    for b in range(actions.shape[0]):
+        for v in range(actions.shape[1]):
+            for a in range(actions.shape[2]):
+                if not np.isfinite(actions[b, v, a]):
+                    return b
+    return -1
+
+
+def _bind(kernel: Any, *arguments: Any) -> Any:
+    """A kernel's compiled code for arguments of these types, without numba's look-up at each call (a third of a step).
+
+    It trusts their types, so it may be called only with arrays of our own making.
+    """
+    return kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
+
+
+def _world_rule(scenario: Scenario) -> WorldRule:
+    return WorldRule(
+        time_step=scenario.time_step,
+        episode_steps=scenario.episode_steps,
+        speed_control=scenario.speed_control,
+        vehicle=scenario.vehicle,
+        fish=scenario.fish.rule(scenario.time_step),
+        start=scenario.start,
+        tag=scenario.tag,
+        water=scenario.water,
+        receiver=scenario.receiver,
+        belief=filter_rule(scenario.belief, scenario.time_step),
+        reward=scenario.reward,
+    )
+
+
+def _track_table(scenario: Scenario, track: Track | None) -> np.ndarray:
+    if isinstance(scenario.fish, Replay):
+        if track is None:
+            raise ValueError("a scenario with a replayed fish needs a track; give tracks=FILE")
+        return resample_track(track, scenario.time_step, scenario.fish.time_scale, scenario.episode_steps)
+    if track is not None:
+        raise ValueError(f"a track was given, but the fish moves by {type(scenario.fish).__name__}; make it a Replay")
+    return np.zeros((1, 2))

@@ -1,0 +1,188 @@
+"""The Gymnasium environment: one world, one vehicle, one tagged fish. The world itself is in ``simulation.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from tagtrack.envs.belief.filter import BELIEF
+from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
+from tagtrack.envs.scenario import REWARD_TERMS, Scenario
+from tagtrack.envs.sim.acoustics import CONTACT
+from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.task import action_space, build_task, observation_space, require_single
+
+LARGEST_DRAWN_SEED = 2**31
+
+
+class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
+    """An AUV with a stereo hydrophone follows a fish that carries an acoustic tag (Clark et al. 2013).
+
+    The tag pings every 2 s. Of a ping that both hydrophones hear, the vehicle reads a coarse bearing whose side, port
+    or starboard, is unknown, and a signal strength that says little about distance. A particle filter turns the
+    readings into a belief about where the fish is; how good it becomes depends on the vehicle's path, and that is what
+    a policy decides. Losses come in bursts, so the fish can be lost. One step is 1 s.
+
+    * ``TagTrack/LeopardShark-v0``: keep the localization error low.
+    * ``TagTrack/LeopardSharkStandoff-v0``: the same, without coming nearer than 20 m; the action sets the speed, too.
+
+    ## Observation
+
+    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. "Belief" is the particle filter's; its
+    bearing is from the vehicle to its mean, relative to the compass heading.
+
+    | index | name | meaning | range |
+    |---|---|---|---|
+    | 0 | distance | to the mean of the belief / 100 m | 0 to 10 |
+    | 1 | log_distance | ln(1 + distance / 5 m) / 4 | 0 to 2 |
+    | 2 | bearing_cos | of the belief's bearing relative to the heading | -1 to 1 |
+    | 3 | bearing_sin | the same; positive to port | -1 to 1 |
+    | 4 | log_spread_along | ln(standard deviation along the line of sight / 1 m) / 4 | -1 to 2 |
+    | 5 | log_spread_across | the same across it | -1 to 2 |
+    | 6 | spread_correlation | between along and across | -1 to 1 |
+    | 7 | port_balance | share of particles to port minus share to starboard | -1 to 1 |
+    | 8 | silence | ln(1 + time since the last detection / 1 s) / 5 | 0 to 2 |
+    | 9 | last_units | last bearing reading / 9 Lotek units; 0 before the first | -1 to 1 |
+    | 10 | last_strength | last signal strength / 50; 0 before the first | -2 to 4 |
+    | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
+    | 12 | heard_long | the same over some 33 pings | 0 to 1 |
+    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 1 m/s | -2 to 2 |
+    | 14 | velocity_across | the same across it, positive to the left of the line | -2 to 2 |
+    | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
+    | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
+    | 17 | ping_phase | time since the tag last pinged / its period | 0 to 1 |
+    | 18 | heading_cos | of the compass heading | -1 to 1 |
+    | 19 | heading_sin | the same | -1 to 1 |
+    | 20 | speed | through the water / largest speed | 0 to 1 |
+
+    ## Action
+
+    ``Box(2,)`` float32 in [-1, 1], or ``Box(3,)`` where the scenario lets the speed vary (``speed_control``, as
+    Standoff does). The first two are the desired course as a vector, of which only the direction counts.
+
+    | index | name | meaning |
+    |---|---|---|
+    | 0 | ahead | its part along the line from the vehicle to the belief's mean |
+    | 1 | port | its part to the left of that line; (0, 0) means straight on to the belief |
+    | 2 | speed | from rest (-1) to full speed (1) |
+
+    ## Reward
+
+    The sum of the weighted terms, each also in ``info["reward_terms"]``:
+
+    * ``localization``: minus the localization error as a share of 50 m, at least -1;
+    * ``standoff``: minus the share of the perimeter that the vehicle has intruded (0 in LeopardShark, which has none).
+
+    ## Ending
+
+    An episode never terminates. It is truncated after the scenario's ``episode_steps`` or ``gym.make``'s
+    ``max_episode_steps``, whichever is less (both 600 as registered): for longer episodes raise both.
+
+    ## Info
+
+    ``localization_error`` [m], ``range`` from vehicle to fish [m], ``detected`` (a usable signal came in at this step),
+    ``belief_mean`` (2,) [m], ``belief_covariance`` (2, 2) [m^2], and after a step ``reward_terms``.
+
+    ## Seeds
+
+    ``reset(seed=s)`` begins the first episode of seed ``s``; ``reset()`` goes on to the next one of the same seed
+    (before any seed was given, of one drawn at random). The fish swims the same whatever the vehicle does.
+
+    ## Arguments
+
+    Args:
+        env_id: whose scenario; ``gym.make`` fills it in.
+        particles: particles of the belief (default 1000).
+        tracks: csv file (``t_unix_s,x,y``, metres) of a recorded track for the fish to swim.
+        time_scale: how fast it swims that track; 0.5 is half the recorded speed.
+        overrides: any parameter of the scenario by its dotted name: ``{"water.noisy_share": 0.3, "belief": "levy"}``.
+        scenario: a whole ``Scenario`` instead of the id's.
+        render_mode: ``"rgb_array"``, ``"human"`` or None (needs ``pip install "tagtrack[render]"``).
+
+    ## Version history
+
+    * v0: the first version; it may still change before the first release (see CHANGELOG.md).
+    """
+
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": FRAMES_PER_SECOND}
+
+    def __init__(
+        self,
+        env_id: str = "TagTrack/LeopardShark-v0",
+        *,
+        particles: int | None = None,
+        tracks: str | Path | None = None,
+        time_scale: float | None = None,
+        overrides: Mapping[str, Any] | None = None,
+        scenario: Scenario | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        task = build_task(
+            env_id, particles=particles, tracks=tracks, time_scale=time_scale, overrides=overrides, scenario=scenario
+        )
+        require_single(task.scenario, "TagTrackEnv")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
+        self.render_mode = render_mode
+        self.simulation = Simulation(task.scenario, track=task.track)
+        self.observation_space = observation_space(task.scenario)
+        self.action_space = action_space(task.scenario)
+        self._picture = Picture(self.simulation) if render_mode else None
+        self._begun = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode: of ``seed`` its first, without a seed the next one. ``options`` has no keys."""
+        super().reset(seed=seed)
+        if seed is None and not self._begun:
+            seed = int(self.np_random.integers(LARGEST_DRAWN_SEED))
+        self.simulation.reset(seed)
+        self._begun = True
+        self._show()
+        return self.simulation.observation[0, 0].copy(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Steer for one time step (see the class)."""
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("call reset before step")
+        simulation = self.simulation
+        simulation.step(np.asarray(action, np.float32)[np.newaxis, np.newaxis])
+        info = self._info()
+        terms = simulation.outputs.terms[0, 0]
+        info["reward_terms"] = dict(zip(REWARD_TERMS, terms.tolist(), strict=True))
+        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
+        self._show()
+        return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
+
+    def _info(self) -> dict[str, Any]:
+        worlds = self.simulation.worlds
+        belief = dict(zip(BELIEF.names, worlds.beliefs.item(), strict=True))
+        contact = dict(zip(CONTACT.names, worlds.contacts.item(), strict=True))
+        return {
+            "localization_error": belief["error"],
+            "range": contact["range"],
+            "detected": contact["detected"],
+            "belief_mean": np.array((belief["mean_x"], belief["mean_y"])),
+            "belief_covariance": np.array(((belief["xx"], belief["xy"]), (belief["xy"], belief["yy"]))),
+        }
+
+    def _show(self) -> None:
+        if self._picture is not None:
+            self._picture.follow()
+            if self.render_mode == "human":
+                self._picture.show()
+
+    def render(self) -> np.ndarray | None:
+        """The picture (H, W, 3) uint8 in mode ``rgb_array``; ``human`` shows every step by itself."""
+        if self._picture is None:
+            gymnasium.logger.warn('nothing to show: make the environment with render_mode="rgb_array" or "human"')
+        return self._picture.paint() if self._picture is not None and self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Close the window and end the simulation's threads."""
+        if self._picture is not None:
+            self._picture.close()
+        self.simulation.close()

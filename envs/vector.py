@@ -1,0 +1,154 @@
+"""The Gymnasium vector environment: B worlds stepped as one batch, with all three autoreset modes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.single import LARGEST_DRAWN_SEED
+from tagtrack.envs.task import action_space, build_task, episode_limit, observation_space, require_single
+
+
+class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
+    """Many worlds of one task at once. World i equals a ``TagTrackEnv`` (see there) with seed + i, bit for bit.
+
+    Args:
+        env_id, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
+        num_envs: B.
+        max_episode_steps: truncates episodes before the scenario's ``episode_steps`` (``make_vec`` gives the
+            registered one).
+        threads: the worlds are split among so many.
+        autoreset_mode: what happens to a world whose episode has ended: a new one begins at the next step, whose action
+            it ignores; or in the same step, with ``final_obs`` and ``final_info`` in the info; or when
+            ``reset(options={"reset_mask": mask})`` asks for it.
+
+    Arrays that it returns are the caller's: no later step writes to them.
+    """
+
+    def __init__(
+        self,
+        env_id: str = "TagTrack/LeopardShark-v0",
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        particles: int | None = None,
+        tracks: str | Path | None = None,
+        time_scale: float | None = None,
+        overrides: Mapping[str, Any] | None = None,
+        scenario: Scenario | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        task = build_task(
+            env_id, particles=particles, tracks=tracks, time_scale=time_scale, overrides=overrides, scenario=scenario
+        )
+        require_single(task.scenario, "TagTrackVectorEnv")
+        if render_mode is not None:
+            raise ValueError(f"render_mode must be None, got {render_mode!r}; TagTrackEnv draws a single world")
+        self.simulation = Simulation(task.scenario, num_envs, threads=threads, track=task.track)
+        self.num_envs = self.simulation.num_worlds
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = observation_space(task.scenario)
+        self.single_action_space = action_space(task.scenario)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.episode_limit = episode_limit(task.scenario, max_episode_steps)
+        self._ended = np.zeros(self.num_envs, bool)
+        self._begun = False
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin episodes: world i of ``seed`` + i its first, without a seed the next one.
+
+        Args:
+            seed: one for all, or a sequence of one for each world.
+            options: ``reset_mask``, (B,) bool: only these worlds; the rows of the others stay as they are.
+        """
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        chosen = self._chosen_worlds(options)
+        if seed is None and not self._begun:
+            seed = int(self.np_random.integers(LARGEST_DRAWN_SEED))
+        self.simulation.reset(seed, chosen)
+        self._begun = True
+        self._ended[chosen] = False
+        return self.simulation.observation[:, 0].copy(), self._info(chosen)
+
+    def _chosen_worlds(self, options: dict[str, Any] | None) -> np.ndarray:
+        if options is None or "reset_mask" not in options:
+            return np.ones(self.num_envs, bool)
+        mask = options["reset_mask"]
+        shape = (self.num_envs,)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != shape or not mask.any():
+            raise ValueError(f"reset_mask must be a bool array of shape {shape} with a True in it, got {mask!r}")
+        if not self._begun and not mask.all():
+            raise ResetNeeded("the first reset must be of all worlds, without a reset_mask")
+        return mask
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Steer all worlds, ``actions`` (B, A), for one time step. Returns observations (B, D) and (B,) arrays."""
+        if not self._begun:
+            raise ResetNeeded("call reset before step")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            ended = np.flatnonzero(self._ended).tolist()
+            raise ResetNeeded(f'the episodes of worlds {ended} have ended; reset(options={{"reset_mask": mask}}) them')
+        simulation = self.simulation
+        simulation.step(np.asarray(actions, np.float32)[:, np.newaxis])
+        fresh = np.zeros(self.num_envs, bool)  # worlds whose observation is the first of an episode
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
+            fresh = self._ended
+            simulation.reset(mask=fresh)
+        reward = np.where(fresh, 0.0, simulation.reward[:, 0])
+        truncated = simulation.worlds.clock["step"] >= self.episode_limit
+        self._ended = truncated.copy()
+        final: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
+            final = self._final(truncated)
+            fresh = truncated
+            simulation.reset(mask=fresh)
+        info = self._info(np.ones(self.num_envs, bool)) | self._reward_info(~fresh) | final
+        return simulation.observation[:, 0].copy(), reward, np.zeros(self.num_envs, bool), truncated, info
+
+    def _info(self, present: np.ndarray) -> dict[str, Any]:
+        """What ``TagTrackEnv`` puts into its info, each with the mask of the worlds that have it."""
+        simulation = self.simulation
+        values = {
+            "localization_error": simulation.error[:, 0, 0].copy(),
+            "range": simulation.range[:, 0, 0].copy(),
+            "detected": simulation.detected[:, 0, 0].copy(),
+            "belief_mean": simulation.mean[:, 0, 0],
+            "belief_covariance": simulation.covariance[:, 0, 0],
+        }
+        return values | {f"_{name}": present.copy() for name in values}
+
+    def _reward_info(self, present: np.ndarray) -> dict[str, Any]:
+        terms: dict[str, Any] = {}
+        for name, term in self.simulation.reward_terms.items():
+            terms[name], terms[f"_{name}"] = np.where(present, term[:, 0], 0.0), present.copy()
+        return {"reward_terms": terms, "_reward_terms": present.copy()} if present.any() else {}
+
+    def _final(self, ended: np.ndarray) -> dict[str, Any]:
+        """The last observation and info of the episodes that have just ended."""
+        observations = np.full(self.num_envs, None, object)
+        for world in np.flatnonzero(ended):
+            observations[world] = self.simulation.observation[world, 0].copy()
+        return {
+            "final_obs": observations,
+            "_final_obs": ended.copy(),
+            "final_info": self._info(ended) | self._reward_info(ended),
+            "_final_info": ended.copy(),
+        }
+
+    def close_extras(self) -> None:
+        """End the simulation's threads."""
+        self.simulation.close()
