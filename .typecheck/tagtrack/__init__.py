@@ -1,0 +1,1 @@
+../../tagtrack/__init__.py

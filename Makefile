@@ -1,0 +1,59 @@
+# Every target does its own set-up: the first call makes .venv and installs everything, later calls find it ready.
+PYTHON ?= python3
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+ARGS ?=
+SPEED_ARGS := --env TagTrack/LeopardShark-v0 --num-worlds 1 64 256 --particles 1000 --threads 1 2
+
+VENV := .venv
+RUN := $(VENV)/bin/python
+PIP := $(RUN) -m pip --disable-pip-version-check
+# The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
+STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
+
+.PHONY: help setup train test check speed clean
+
+help:
+	@echo 'make train   train a policy and compare it with the paper (make train ARGS="--steps 1000")'
+	@echo 'make test    run the tests                               (make test ARGS="-k ping", ARGS="-m slow")'
+	@echo 'make check   ruff and mypy'
+	@echo 'make speed   steps and particle updates a second beside the readable reference filter'
+	@echo 'make setup   only the set-up: $(VENV), CPU build of torch, this folder as an editable install'
+	@echo 'make clean   remove $(VENV) and the caches; runs/ stays'
+	@echo 'Variables: PYTHON=$(PYTHON)  TORCH_INDEX=$(TORCH_INDEX)  ARGS="..."'
+
+setup: $(STAMP)
+
+train: $(STAMP)
+	@$(RUN) -m train $(ARGS)
+
+test: $(STAMP)
+	@$(RUN) -m pytest $(ARGS)
+
+check: $(STAMP)
+	@status=0; $(RUN) -m ruff check . || status=1; $(RUN) -m mypy || status=1; exit $$status
+
+speed: $(STAMP)
+	@$(RUN) -m eval speed $(or $(ARGS),$(SPEED_ARGS))
+
+# torch comes first, and alone: its CPU build satisfies what asks for torch later, so nothing pulls a CUDA build.
+$(STAMP): pyproject.toml constraints.txt
+	@$(PIP) --version >/dev/null 2>&1 || { \
+	  command -v "$(PYTHON)" >/dev/null || \
+	    { echo 'TagTrack needs Python 3.10 or newer; there is no "$(PYTHON)" here. Name one with PYTHON=...' >&2; exit 1; }; \
+	  "$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo "TagTrack needs Python 3.10 or newer; $(PYTHON) is $$("$(PYTHON)" --version 2>&1). Name another with PYTHON=..." >&2; exit 1; }; \
+	  "$(PYTHON)" -c 'import venv, ensurepip' 2>/dev/null || \
+	    { echo '$(PYTHON) cannot make virtual environments. On Debian and Ubuntu: apt install python3-venv' >&2; exit 1; }; \
+	  echo 'Making $(VENV) ...'; "$(PYTHON)" -m venv --clear $(VENV); }
+	@rm -f $(VENV)/.ready-*
+	@echo 'Installing torch, the CPU build: some 200 MB, once ...'
+	@$(PIP) install -qq --no-deps --constraint constraints.txt --index-url "$(TORCH_INDEX)" --retries 0 --timeout 10 torch 2>/dev/null || { \
+	  echo 'No torch from $(TORCH_INDEX) (no network, or no build for this machine): taking it from the default package index.'; \
+	  $(PIP) install -qq --constraint constraints.txt torch; }
+	@echo 'Installing TagTrack and its other dependencies ...'
+	@$(PIP) install -qq --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""What learned policies must beat: the papers' controllers and simple strategies tuned with care."""

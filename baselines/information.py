@@ -1,0 +1,157 @@
+"""A greedy planner: the course whose next pings are expected to tell most about where the fish is.
+
+It reads the particles, so it is given the simulation when it is made. Of receiver and water it assumes what the scenario says
+of them on average; whether a burst of losses is on it does not know, nor where the fish is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from tagtrack.baselines.heuristic import InformedHeuristic, Sighting
+from tagtrack.baselines.information_loops import add_up_information
+from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.sim.acoustics import LARGEST_UNIT, Water, bearing_in_units, hearing_chance
+from tagtrack.envs.sim.validation import require
+from tagtrack.envs.sim.vehicle import Vehicle
+
+COSINE_BINS = 2048  # of the tables by bearing: at most 2.5 degrees, a quarter of the receiver's sigma, a bin
+INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any information
+
+
+class Plan(NamedTuple):
+    """The course each vehicle holds, each (B,)."""
+
+    course: np.ndarray  # absolute [rad]
+    age: np.ndarray  # time since it was chosen [s]; infinite before the first
+
+
+class Track(NamedTuple):
+    """Where vehicles expect to be, each (B, K, S): B worlds, K candidate courses, S steps."""
+
+    x: np.ndarray  # [m]
+    y: np.ndarray  # [m]
+    heading: np.ndarray  # [rad]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Information(InformedHeuristic):
+    """Takes, of ``courses`` evenly spaced ones, the one with the highest expected mutual information (greedy).
+
+    Summed over the next ``horizon`` pings; each counts by itself, so that what two pings tell alike counts twice. Simplified: the
+    particles rest meanwhile; silence tells nothing, because the filter does not weigh by it; of the readings only the bearing
+    counts. Of the courses that keep out of the perimeter the best is taken; failing these the one that intrudes least.
+    """
+
+    horizon: int = 5  # pings
+    hold: float = 4.0  # time for which a course is held [s]
+    courses: int = 12  # K
+    sample: int = 96  # particles that stand for all
+    perimeter: float = 0.0  # about the mean of the belief [m]; 0: none
+    _chance: np.ndarray = field(init=False, repr=False)
+    _likelihood: np.ndarray = field(init=False, repr=False)
+    _entropy: np.ndarray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("horizon", "courses", "sample"):
+            require(getattr(self, name) >= 1, self, name, "a whole number of at least 1")
+        require(self.hold > 0, self, "hold", "positive")
+        require(self.perimeter >= 0, self, "perimeter", "at least 0")
+        likelihood = tabulate_likelihood(self.scenario.belief)
+        object.__setattr__(self, "_chance", tabulate_chance(self.scenario.water))
+        object.__setattr__(self, "_likelihood", likelihood)
+        object.__setattr__(self, "_entropy", -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1))
+
+    def begin(self, sighting: Sighting) -> Plan:
+        return Plan(course=sighting.line, age=np.full(len(sighting.line), np.inf))
+
+    def choose(self, sighting: Sighting, memory: Plan) -> tuple[np.ndarray, np.ndarray, Plan]:
+        over = memory.age > self.hold - 1e-6
+        course = memory.course
+        if over.any():
+            rows = np.flatnonzero(over)
+            course = course.copy()
+            course[rows] = self._plan(rows, sighting.line[rows], sighting.ping_phase[rows])
+        age = np.where(over, 0.0, memory.age) + self.scenario.time_step
+        return course - sighting.line, np.ones_like(course), Plan(course=course, age=age)
+
+    def _plan(self, rows: np.ndarray, line: np.ndarray, ping_phase: np.ndarray) -> np.ndarray:
+        """The best course (R,) [rad] for some of the worlds."""
+        candidates = line[:, None] + np.arange(self.courses) * (2.0 * math.pi / self.courses)
+        periods = self.scenario.tag.period / self.scenario.time_step
+        track = expect_track(
+            self.simulation.worlds.vehicles[rows, 0],
+            candidates,
+            self.scenario.vehicle,
+            self.scenario.time_step,
+            steps=math.ceil(self.horizon * periods),
+        )
+        # Readings are taken at the end of the step in which the tag pings; phase and rounding must not make that the next one.
+        pings = (1.0 - ping_phase[:, None] + np.arange(self.horizon)) * periods
+        at_ping = np.maximum(np.ceil(pings - 1e-4).astype(np.int64) - 1, 0)[:, None, :]
+        value = self._expect_information(rows, Track(*(np.take_along_axis(part, at_ping, axis=2) for part in track)))
+        belief = self.simulation.mean[rows, 0, 0]
+        distance = np.hypot(track.x - belief[:, 0, None, None], track.y - belief[:, 1, None, None])
+        value = value - INTRUSION_COST * np.maximum(self.perimeter - distance, 0.0).mean(axis=2)
+        return np.take_along_axis(candidates, value.argmax(axis=1)[:, None], axis=1)[:, 0]
+
+    def _expect_information(self, rows: np.ndarray, poses: Track) -> np.ndarray:
+        """(R, K) expected information [nats] of pings heard at ``poses`` (R, K, P)."""
+        particles = self.simulation.worlds.particles
+        # Resampling leaves the children of a particle side by side, so every n-th one is a stratified sample.
+        count = particles.shape[-1]
+        chosen = np.arange(min(self.sample, count)) * count // min(self.sample, count)
+        x, y = (particles[rows[:, None], 0, 0, axis, chosen[None, :]] for axis in (0, 1))
+        ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
+        information = np.zeros(poses.x.shape[:2], np.float32)
+        add_up_information(
+            x, y, *(part.astype(np.float32) for part in ahead), self._chance, self._likelihood, self._entropy, information
+        )
+        return information.astype(np.float64)
+
+
+def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, time_step: float, steps: int) -> Track:
+    """Where each vehicle expects to be after 1, 2 ... steps at full speed on each course: ``steer`` without noise and current.
+
+    Args:
+        vehicles: (B,) of dtype ``VEHICLE``. courses: (B, K) absolute [rad].
+    """
+    shape = courses.shape
+    x, y, heading, speed = (
+        np.broadcast_to(vehicles[name][:, None], shape) for name in ("believed_x", "believed_y", "compass", "speed")
+    )
+    track = Track(*(np.empty((*shape, steps)) for _ in range(3)))
+    for s in range(steps):
+        error = (courses - heading + math.pi) % (2.0 * math.pi) - math.pi
+        turn = np.clip(vehicle.heading_gain * error, -vehicle.max_turn_rate, vehicle.max_turn_rate) * time_step
+        speed = np.minimum(speed + vehicle.acceleration * time_step, vehicle.max_speed)
+        x = x + speed * time_step * np.cos(heading + 0.5 * turn)
+        y = y + speed * time_step * np.sin(heading + 0.5 * turn)
+        heading = heading + turn
+        for part, value in zip(track, (x, y, heading), strict=True):
+            part[:, :, s] = value
+    return track
+
+
+def tabulate_likelihood(belief: Belief) -> np.ndarray:
+    """(A, 19) float32 chance of each reading -9..9 by the cosine of a particle's bearing, as the filter scores it (Eqs. 5, 6)."""
+    cosine = (np.arange(COSINE_BINS) + 0.5) * (2.0 / COSINE_BINS) - 1.0
+    expected = np.array([bearing_in_units.py_func(angle) for angle in np.arccos(cosine)])
+    readings = np.arange(-LARGEST_UNIT, LARGEST_UNIT + 1.0)
+    sigma = belief.receiver.bearing_sigma
+    density = np.exp(-0.5 * ((readings - expected[:, None]) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
+    weight = belief.weight_floor + density
+    return (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def tabulate_chance(water: Water) -> np.ndarray:
+    """(R,) float32 chance that both hydrophones hear a ping, by distance in whole metres, averaged over bursts of losses."""
+    distance = np.arange(math.ceil(water.reach + 20.0 * water.edge_width)) + 0.5
+    # As plain Python, which takes the dataclass where compiled code takes its record.
+    clear, noisy = (np.array([hearing_chance.py_func(d, burst, water) for d in distance]) for burst in (False, True))
+    return ((1.0 - water.noisy_share) * clear**2 + water.noisy_share * noisy**2).astype(np.float32)

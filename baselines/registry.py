@@ -1,0 +1,101 @@
+"""Baselines by name, as command lines and tables write them: ``pursuit``, ``circle:40``, ``three_step:tau=10,perimeter=30``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from tagtrack.baselines.circle import Circle, OracleCircle
+from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
+from tagtrack.baselines.information import Information
+from tagtrack.baselines.simple import Pursuit, Random, Stationary
+from tagtrack.baselines.three_step import ThreeStep
+from tagtrack.envs.simulation import Simulation
+
+BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(
+    {
+        "three_step": ThreeStep,
+        "pursuit": Pursuit,
+        "circle": Circle,
+        "information": Information,
+        "stationary": Stationary,
+        "random": Random,
+        "oracle_circle": OracleCircle,
+    }
+)
+
+# What NAME:VALUE sets, without a key.
+LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
+    {
+        "three_step": "tau",
+        "pursuit": "perimeter",
+        "circle": "radius",
+        "information": "horizon",
+        "random": "seed",
+        "oracle_circle": "radius",
+    }
+)
+
+
+def baseline_parameters(name: str) -> dict[str, dataclasses.Field[Any]]:
+    """The parameters that a specification may set."""
+    kind = _find_baseline(name)
+    fields = {field.name: field for field in dataclasses.fields(kind) if field.init}
+    return {key: field for key, field in fields.items() if key not in ("scenario", "simulation")}
+
+
+def make_baseline(specification: str, simulation: Simulation) -> Heuristic:
+    """The policy that a specification names, for the vehicles of a simulation.
+
+    Args:
+        specification: ``NAME``, ``NAME:VALUE`` or ``NAME:KEY=VALUE,KEY=VALUE``; metres, seconds, degrees (``three_step``'s tau). A
+            perimeter that is not given is the scenario's, where the speed can be chosen, else none.
+        simulation: what the policy will steer; only those that know more than the observation keep it.
+    Raises:
+        ValueError: for an unknown name or parameter, listing what exists, or a bad value, naming it.
+    """
+    name, colon, text = specification.partition(":")
+    known = baseline_parameters(name)
+    values = _read_values(name, text, known, specification) if colon else {}
+    if "perimeter" in known and simulation.scenario.speed_control:
+        values.setdefault("perimeter", simulation.scenario.reward.perimeter)
+    kind = BASELINES[name]
+    given = {"simulation": simulation} if issubclass(kind, InformedHeuristic) else {"scenario": simulation.scenario}
+    try:
+        return kind(**given, **values)
+    except ValueError as error:
+        raise ValueError(f"{specification}: {error}") from None
+
+
+def _find_baseline(name: str) -> type[Heuristic]:
+    if name not in BASELINES:
+        raise ValueError(f"unknown baseline {name!r}; known: {', '.join(BASELINES)}")
+    return BASELINES[name]
+
+
+def _read_values(
+    name: str, text: str, known: Mapping[str, dataclasses.Field[Any]], specification: str
+) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for part in text.split(","):
+        key, equals, value = part.rpartition("=")
+        key = key.strip() if equals else LEADING_PARAMETERS.get(name, "")
+        if key not in known:
+            listed = f"it has {', '.join(known)}" if known else "it has none"
+            raise ValueError(f"{specification}: {name} has no parameter {key or part!r}; {listed}")
+        if key in values:
+            raise ValueError(f"{specification}: {key} is given twice")
+        values[key] = _read_number(known[key], value, specification)
+    return values
+
+
+def _read_number(field: dataclasses.Field[Any], text: str, specification: str) -> Any:
+    whole = field.type == "int"
+    try:
+        number = int(text) if whole else float(text)
+    except ValueError:
+        kind = "a whole number" if whole else "a number"
+        raise ValueError(f"{specification}: {field.name} must be {kind}, got {text!r}") from None
+    return field.metadata.get("from_text", lambda value: value)(number)

@@ -1,0 +1,50 @@
+"""Paired roll-outs, metrics and tables: which policy localizes the fish best.
+
+``compare`` sets policies side by side on the same episodes; ``python -m eval --help`` shows the commands. The names below
+load their modules when they are first asked for, so importing this package costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tagtrack.eval.comparison import Comparison, compare
+    from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, paired_ratio, summarize
+    from tagtrack.eval.rollout import SeedBlock, Trace, block_seed, roll_out, trace
+    from tagtrack.eval.versions import collect_versions
+
+_HOMES = {
+    "comparison": ("Comparison", "compare"),
+    "metrics": ("Bootstrap", "EpisodeRecord", "Interval", "paired_ratio", "summarize"),
+    "rollout": ("SeedBlock", "Trace", "block_seed", "roll_out", "trace"),
+    "versions": ("collect_versions",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Bootstrap",
+    "Comparison",
+    "EpisodeRecord",
+    "Interval",
+    "SeedBlock",
+    "Trace",
+    "block_seed",
+    "collect_versions",
+    "compare",
+    "paired_ratio",
+    "roll_out",
+    "summarize",
+    "trace",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

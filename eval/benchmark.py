@@ -1,0 +1,76 @@
+"""`python -m eval benchmark`: policies on the same episodes, as a table, a JSON file and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from tagtrack.eval.comparison import Comparison, compare, typical_episodes
+from tagtrack.eval.contestants import find_makers, name_contestants
+from tagtrack.eval.options import EpisodeOptions, TaskOptions
+from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
+from tagtrack.eval.progress import progress_bar
+from tagtrack.eval.report import print_table, write_benchmark, write_json
+from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
+from tagtrack.eval.rollout import PolicyMaker, SeedBlock, block_seed, trace
+from tagtrack.eval.versions import collect_versions
+
+OWN_FILES = ("benchmark.json", "config.json", "table.md", "errors.png", "track_*.png")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Benchmark:
+    """Compare policies on the same fish.
+
+    Writes benchmark.json, table.md, errors.png (distribution of the error), track_median.png and track_hard.png (the paths in
+    two episodes) and config.json (what was asked for), and prints the table. Ratios are to the first policy named.
+    """
+
+    task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
+    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
+    """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs."""
+    trial: EpisodeOptions = field(default_factory=EpisodeOptions)
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None
+    """Folder to write; an earlier benchmark's is replaced."""
+
+    def run(self) -> None:
+        """Run it."""
+        task, trial, env_id = self.task.build(), self.trial, self.task.env_id
+        specs = name_contestants(self.policies)
+        makers = find_makers(specs, task, env_id)
+        out = self.out or default_folder("benchmark", env_id)
+        require_replaceable(out, OWN_FILES, "benchmark")
+        with progress_bar(len(makers) * trial.episodes * task.scenario.episode_steps) as advance:
+            comparison = compare(
+                task,
+                makers,
+                episodes=trial.episodes,
+                seed=trial.seed,
+                threads=trial.threads,
+                env_id=env_id,
+                on_step=advance,
+            )
+        print_table(comparison)  # before it is written: a full disk must not cost the result
+        asked = {**self.task.describe(), "policies": specs, "episodes": trial.episodes, "seed": trial.seed}
+        with replace_results(out, OWN_FILES) as folder:
+            write_benchmark(folder, comparison.document(collect_versions()))
+            write_json(folder / "config.json", asked)
+            save_figure(folder / "errors.png", plot_errors({name: r.error for name, r in comparison.records.items()}))
+            draw_tracks(folder, comparison, makers)
+        print(f"written: {out}")
+
+
+def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, PolicyMaker]) -> None:
+    """Draw the typical episodes of a comparison, all policies side by side, as ``track_NAME.png``."""
+    first = block_seed(SeedBlock.BENCHMARK, comparison.seed)
+    for name, episode in typical_episodes(comparison).items():
+        tracks = {}
+        for policy, maker in makers.items():
+            traced = trace(comparison.task, maker, episodes=1, seed=first + episode)
+            tracks[policy] = Track(fish=traced.fish[0], vehicle=traced.vehicle[0], belief=traced.estimate[0])
+        title = f"{comparison.env}, {name} episode (seed {comparison.seed + episode})"
+        save_figure(folder / f"track_{name}.png", plot_track(tracks, title=title))

@@ -1,0 +1,55 @@
+"""`python -m eval`: one command each for comparing, tuning, timing and checking."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import tyro
+
+from tagtrack.eval.benchmark import Benchmark
+from tagtrack.eval.check_consistency import Consistency
+from tagtrack.eval.speed import Speed
+from tagtrack.eval.tradeoff import Tradeoff
+from tagtrack.eval.tune import Tune
+
+Command = (
+    Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
+    | Annotated[Tune, tyro.conf.subcommand("tune")]
+    | Annotated[Tradeoff, tyro.conf.subcommand("tradeoff")]
+    | Annotated[Consistency, tyro.conf.subcommand("consistency")]
+    | Annotated[Speed, tyro.conf.subcommand("speed")]
+)
+DESCRIPTION = "Compare policies on the same fish, tune baselines, check the belief, time the simulation."
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line; returns its exit status: 0, 2 for a mistake in the input, 130 after Ctrl-C."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        parse(given or ["--help"]).run()
+    except SystemExit as stop:  # tyro has shown the help or what is wrong
+        return int(stop.code or 0) if given else 2
+    except KeyboardInterrupt:
+        print("\nstopped; nothing was written", file=sys.stderr)
+        return 130
+    except (ValueError, OSError, ImportError) as error:
+        print(f"error: {_one_line(error)}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def parse(arguments: Sequence[str]) -> Command:
+    """The command that a command line asks for."""
+    return tyro.cli(
+        Command,
+        args=arguments,
+        prog="python -m eval",
+        description=DESCRIPTION,
+        config=(tyro.conf.OmitArgPrefixes,),
+    )
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,125 @@
+"""Several policies on the same episodes: the arrays of each, their figures, and their ratios to the first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tagtrack.envs.scenario import with_overrides
+from tagtrack.envs.task import Task, build_task
+from tagtrack.eval.contestants import PolicySpec, find_makers, name_contestants
+from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, ratios_to_first, summarize
+from tagtrack.eval.options import full_id
+from tagtrack.eval.report import Document, benchmark_document
+from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out
+
+OnStep = Callable[[str, int], None]  # name of the policy, env steps just done
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What ``compare`` gives back; policies in the order in which they were named."""
+
+    env: str
+    task: Task
+    seed: int
+    records: Mapping[str, EpisodeRecord]  # error and range, each (E, K) [m]
+    summaries: Mapping[str, Mapping[str, Interval]]  # figures of ``metrics.summarize``
+    ratios: Mapping[str, Interval]  # keyed FIRST/NAME: above 1, NAME is better
+
+    @property
+    def episodes(self) -> int:
+        """E."""
+        return next(iter(self.records.values())).episodes
+
+    def mean_errors(self) -> dict[str, np.ndarray]:
+        """By policy, each episode's mean error (E,) [m]; episode e met the same fish in all of them."""
+        return {name: record.error.mean(axis=1) for name, record in self.records.items()}
+
+    def document(self, versions: Mapping[str, str]) -> Document:
+        """The layout of benchmark.json."""
+        return benchmark_document(
+            env=self.env,
+            episodes=self.episodes,
+            seed=self.seed,
+            particles=self.task.scenario.belief.particles,
+            versions=versions,
+            policies=self.summaries,
+            ratios=self.ratios,
+        )
+
+
+def compare(
+    env: str | Task,
+    policies: Mapping[str, PolicySpec] | Sequence[str],
+    *,
+    episodes: int = 512,
+    seed: int = 0,
+    particles: int | None = None,
+    block: SeedBlock = SeedBlock.BENCHMARK,
+    threads: int = 1,
+    batch: int = 128,
+    perimeter: float | None = None,
+    bootstrap: Bootstrap | None = None,
+    env_id: str = "custom",
+    on_step: OnStep | None = None,
+) -> Comparison:
+    """Run policies over the same episodes and set them side by side.
+
+    All policies are made, and so checked, before the first one runs.
+
+    Args:
+        env: an environment's id, or a ``Task`` (``tagtrack.envs.task.build_task``).
+        policies: by name, a baseline's spec (``"circle:40"``), a folder with a saved policy, a policy (anything with the
+            ``predict`` of Stable-Baselines3), or a function that makes one for a ``Simulation``. Of specs and folders a
+            sequence will do: they go by the names that ``name_contestants`` gives them.
+        episodes: E. seed: of the first episode within its ``block``. threads, batch: change the speed, not the results.
+        particles: of the belief, instead of the task's.
+        perimeter: for ``inside_perimeter`` [m]; None: the scenario's, if it has one.
+        env_id: what a ``Task`` is called in the result.
+        on_step: called with the policy's name and the number of env steps just done, for progress bars.
+    Raises:
+        ValueError, FileNotFoundError: as ``find_makers`` does.
+    """
+    task, env_id = (build_task(env), full_id(env)) if isinstance(env, str) else (env, env_id)
+    if particles is not None:
+        task = task._replace(scenario=with_overrides(task.scenario, {"belief.particles": particles}))
+    named = policies if policies and isinstance(policies, Mapping) else name_contestants(list(policies))
+    makers = find_makers(named, task, env_id)
+    records = {}
+    for name, maker in makers.items():
+        tell = None if on_step is None else _bind(on_step, name)
+        records[name] = roll_out(
+            task, maker, episodes=episodes, seed=block_seed(block, seed), threads=threads, batch=batch, on_step=tell
+        )
+    if perimeter is None:
+        perimeter = task.scenario.reward.perimeter or math.nan
+    return Comparison(
+        env=env_id,
+        task=task,
+        seed=seed,
+        records=records,
+        summaries={name: summarize(record, perimeter=perimeter, bootstrap=bootstrap) for name, record in records.items()},
+        ratios=ratios_to_first(records, bootstrap=bootstrap),
+    )
+
+
+def _bind(on_step: OnStep, name: str) -> Callable[[int], None]:
+    return lambda steps: on_step(name, steps)
+
+
+def typical_episodes(comparison: Comparison) -> dict[str, int]:
+    """Two episodes worth a picture: the ``median`` one and a ``hard`` one (with 8 episodes and more, at 95 %).
+
+    Episodes are ranked by the geometric mean of all policies' mean errors, so that a policy with large errors has no
+    larger say.
+    """
+    errors = np.array(list(comparison.mean_errors().values()))
+    order = np.argsort(np.log(np.maximum(errors, 1e-3)).mean(axis=0), kind="stable")
+    places = {"median": (order.size - 1) // 2}
+    if order.size >= 8:
+        places["hard"] = int(0.95 * (order.size - 1))
+    return {name: int(order[place]) for name, place in places.items()}

@@ -1,0 +1,87 @@
+"""Who takes part: a policy named on a command line is a baseline (``circle:40``) or the folder of a saved policy.
+
+All of them are made once, and thereby checked, before anything runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tagtrack.baselines.registry import BASELINES, make_baseline
+from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.task import Task
+from tagtrack.eval.rollout import PolicyMaker
+from tagtrack.policies.files import load_policy
+from tagtrack.policies.protocol import Policy
+
+PolicySpec = str | os.PathLike[str] | Policy | PolicyMaker
+
+
+def name_contestants(specs: Sequence[str]) -> dict[str, str]:
+    """The specs by the names they go by in tables: a baseline by its spec, a saved policy by its folder's name.
+
+    Raises:
+        ValueError: if there is none, or two go by the same name.
+    """
+    if not specs:
+        raise ValueError(f"name at least one policy: {_choices()}")
+    named: dict[str, str] = {}
+    for spec in specs:
+        name = spec if _is_baseline(spec) else Path(spec).resolve().name
+        if name in named:
+            raise ValueError(f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder")
+        named[name] = spec
+    return named
+
+
+def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dict[str, PolicyMaker]:
+    """A maker for each policy; each has made its policy once for this task.
+
+    Args:
+        specs: by name, a baseline's spec, a folder with a saved policy, a policy, or a function that makes one for a ``Simulation``.
+        env_id: for error messages.
+    Raises:
+        ValueError: for an unknown baseline, a wrong number behind its colon, a policy of another layout or a damaged file.
+        FileNotFoundError: for a folder without a policy.
+    """
+    simulation = Simulation(task.scenario, track=task.track)
+    return {name: _find_maker(spec, simulation, env_id) for name, spec in specs.items()}
+
+
+def _find_maker(spec: PolicySpec, simulation: Simulation, env_id: str) -> PolicyMaker:
+    if isinstance(spec, (str, os.PathLike)):
+        if isinstance(spec, str) and _is_baseline(spec):
+            make_baseline(spec, simulation)
+            return lambda batch: make_baseline(spec, batch)
+        return _always(_load(Path(spec), simulation, env_id))
+    if hasattr(spec, "predict"):
+        return _always(spec)
+    if callable(spec):
+        spec(simulation)
+        return spec
+    raise ValueError(f"a policy is a baseline, a folder, or something with a predict method, got {spec!r}")
+
+
+def _always(policy: Policy) -> PolicyMaker:
+    return lambda batch: policy
+
+
+def _load(folder: Path, simulation: Simulation, env_id: str) -> Policy:
+    if not folder.exists():
+        raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
+    return load_policy(
+        folder,
+        [feature.name for feature in simulation.features],
+        action_names=simulation.action_names,
+        env_id=env_id,
+    )
+
+
+def _is_baseline(spec: str) -> bool:
+    return spec.partition(":")[0] in BASELINES
+
+
+def _choices() -> str:
+    return f"the baselines are {', '.join(BASELINES)}"

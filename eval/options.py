@@ -1,0 +1,83 @@
+"""What the commands of ``python -m eval`` have in common: which task, how many episodes, which seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import tyro
+
+from tagtrack.envs.scenario import SCENARIOS, find_scenario
+from tagtrack.envs.task import Task, build_task, parse_overrides, require_single
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions:
+    """Which task."""
+
+    env: Annotated[str, tyro.conf.arg(metavar="ID")] = "TagTrack/LeopardShark-v0"
+    """Environment id, with or without `TagTrack/`."""
+    overrides: Annotated[
+        tuple[tuple[str, ...], ...],
+        tyro.conf.arg(name="set", metavar="NAME=VALUE ..."),
+        tyro.conf.UseAppendAction,
+    ] = ()
+    """Parameters of the scenario by their dotted names, as water.noisy_share=0.3 belief=levy; a wrong name lists all."""
+    tracks: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
+    """csv file (t_unix_s,x,y) of a recorded track for the fish to swim."""
+    time_scale: Annotated[float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(1)")] = None
+    """How fast it swims that track: 0.5 is half the recorded speed."""
+    particles: int = 1000
+    """Particles of the belief."""
+
+    def build(self) -> Task:
+        """The task. Raises ValueError or FileNotFoundError with one line on what is wrong."""
+        task = build_task(self.env, **self.make_options())
+        require_single(task.scenario, "python -m eval")
+        return task
+
+    @property
+    def env_id(self) -> str:
+        """The id with its namespace."""
+        return full_id(self.env)
+
+    def make_options(self) -> dict[str, Any]:
+        """The keyword arguments of ``gymnasium.make``."""
+        overrides = parse_overrides([text for group in self.overrides for text in group])
+        if "belief.particles" in overrides:
+            raise ValueError("the number of particles is set by --particles, not by --set belief.particles")
+        return {
+            "particles": self.particles,
+            "tracks": self.tracks,
+            "time_scale": self.time_scale,
+            "overrides": overrides,
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """The choices as JSON has them."""
+        return {"env": self.env_id, **self.make_options()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeOptions:
+    """Which episodes."""
+
+    episodes: int = 512
+    """Number of episodes; the same ones for every policy."""
+    seed: int = 0
+    """Of the first episode; the others follow. The same number gives other fish to benchmark, tune and train."""
+    threads: int = 1
+    """Threads of the simulation; results do not depend on them."""
+
+    def __post_init__(self) -> None:
+        for name in ("episodes", "threads"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"--{name} must be at least 1, got {getattr(self, name)}")
+        if not 0 <= self.seed < 2**31:
+            raise ValueError(f"--seed must be from 0 to {2**31 - 1}, got {self.seed}")
+
+
+def full_id(env: str) -> str:
+    """An environment's id with its namespace. Raises ValueError that lists the known ids."""
+    find_scenario(env)
+    return env if env in SCENARIOS else f"TagTrack/{env}"

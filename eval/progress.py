@@ -1,0 +1,21 @@
+"""A progress bar over env steps, on a terminal only: logs and pipes stay clean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
+    """Give a function that is told which policy has just done how many env steps, of ``total`` for all."""
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=" steps", unit_scale=True, disable=None, leave=False, dynamic_ncols=True) as bar:
+
+        def advance(policy: str, steps: int) -> None:
+            if bar.desc != f"{policy}: ":
+                bar.set_description(policy, refresh=False)
+            bar.update(steps)
+
+        yield advance

@@ -1,0 +1,188 @@
+"""A benchmark on paper: `benchmark.json` for programs, `table.md` for people, and the same table for the terminal.
+
+Both tables are made from the JSON document alone, so that an old result can be printed again without running it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tagtrack.eval.metrics import Interval
+from tagtrack.policies.files import replace_file
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from tagtrack.eval.comparison import Comparison
+
+Document = dict[str, Any]  # the layout of benchmark.json
+
+
+def benchmark_document(
+    *,
+    env: str,
+    episodes: int,
+    seed: int,
+    particles: int,
+    versions: Mapping[str, str],
+    policies: Mapping[str, Mapping[str, Interval]],
+    ratios: Mapping[str, Interval],
+) -> Document:
+    """What `benchmark.json` holds; figures are `{"value", "low", "high"}`, null where undefined.
+
+    Args:
+        policies: figures by policy, in the order of the table (`metrics.summarize`).
+        ratios: keyed `FIRST/NAME` (`metrics.ratios_to_first`).
+    """
+    return {
+        "env": env,
+        "episodes": episodes,
+        "seed": seed,
+        "particles": particles,
+        "versions": dict(versions),
+        "policies": {
+            policy: {figure: interval.to_json() for figure, interval in figures.items()}
+            for policy, figures in policies.items()
+        },
+        "ratios": {pair: interval.to_json() for pair, interval in ratios.items()},
+    }
+
+
+def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
+    """Header and one row per policy, as text; what no policy has (a perimeter, a second policy) gets no column."""
+    policies = document["policies"]
+    first = next(iter(policies))
+    columns = [
+        ("mean error [m]", "mean_error_m", 1),
+        ("median [m]", "median_error_m", 1),
+        ("95 % [m]", "p95_error_m", 1),
+        ("IQM [m]", "iqm_error_m", 1),
+        ("lost [%]", "lost_fraction", 100),
+        ("mean range [m]", "mean_range_m", 1),
+        ("inside perimeter [%]", "inside_perimeter", 100),
+    ]
+    known = {name for figures in policies.values() for name, figure in figures.items() if figure["value"] is not None}
+    columns = [column for column in columns if column[1] in known]
+    header = ["policy", *(title for title, _, _ in columns)]
+    rows = []
+    for policy, figures in policies.items():
+        row = [policy]
+        for _, figure, scale in columns:
+            shown = interval_cell if figure == "mean_error_m" else value_cell
+            row.append(shown(figures[figure], scale))
+        rows.append(row)
+    if len(policies) > 1:
+        header.append(f"{first} / policy")
+        for row in rows:
+            ratio = document["ratios"].get(f"{first}/{row[0]}")
+            row.append("1" if ratio is None else interval_cell(ratio, 1))
+    return header, rows
+
+
+def caption(document: Document) -> str:
+    """One line that says what the table was made from and how it is read."""
+    text = (
+        f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, "
+        f"{document['particles']} particles; in brackets 95 % bootstrap intervals over episodes."
+    )
+    if document["ratios"]:
+        first = next(iter(document["policies"]))
+        text += f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better."
+    return text
+
+
+def markdown_table(document: Document) -> str:
+    """The table in GitHub's markdown, policies left, figures right, the caption below it."""
+    return as_markdown(*table_rows(document), caption(document))
+
+
+def as_markdown(header: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> str:
+    """A table in GitHub's markdown, the first column left, figures right, a note below it."""
+    escaped = [[cell.replace("|", r"\|") for cell in row] for row in (header, *rows)]
+    rule = [":--", *["--:"] * (len(header) - 1)]
+    lines = ["| " + " | ".join(row) + " |" for row in (escaped[0], rule, *escaped[1:])]
+    return "\n".join(lines) + f"\n\n{note}\n"
+
+
+def console_table(document: Document) -> Table:
+    """The table for the terminal: `rich.print(console_table(document))`."""
+    return as_console_table(*table_rows(document), caption(document))
+
+
+def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
+    """A table for the terminal, the first column left, figures right, a note below it."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=0, caption=Text(note), caption_justify="left")
+    table.add_column(header[0], overflow="fold")
+    for title in header[1:]:
+        table.add_column(Text(_stacked(title)), justify="right", no_wrap=True)
+    for policy, *cells in rows:
+        # Text and not str: a folder named "[red]" is a name and no markup.
+        table.add_row(Text(policy), *(Text(_stacked(cell)) for cell in cells))
+    return table
+
+
+def print_table(comparison: Comparison) -> None:
+    """Print the table of a comparison."""
+    import rich
+
+    rich.print(console_table(comparison.document({})))
+
+
+def write_benchmark(folder: str | os.PathLike[str], document: Document) -> tuple[Path, Path]:
+    """Write `benchmark.json` and `table.md` into a folder that exists; each is either whole or untouched.
+
+    Returns:
+        The two paths.
+    """
+    paths = Path(folder) / "benchmark.json", Path(folder) / "table.md"
+    write_json(paths[0], document)
+    write_text(paths[1], markdown_table(document))
+    return paths
+
+
+def write_json(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
+    """Write a JSON file, whole or not at all. Raises ValueError for NaN, which JSON does not have."""
+    write_text(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with replace_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def value_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
+    """A figure `{"value", "low", "high"}` as a cell of a table, without its interval."""
+    value = figure["value"]
+    return "-" if value is None else _number(value * scale)
+
+
+def interval_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
+    """A figure as a cell of a table, "5.62 [5.41, 5.83]"."""
+    low, high = figure["low"], figure["high"]
+    if low is None or high is None:
+        return value_cell(figure, scale)
+    return f"{value_cell(figure, scale)} [{_number(low * scale)}, {_number(high * scale)}]"
+
+
+def _stacked(text: str) -> str:
+    """An interval below its figure and a title over several lines: nine columns have to fit a terminal of 80."""
+    for mark in (" [", " range", " error", " perimeter", " policy"):
+        text = text.replace(mark, "\n" + mark.strip())
+    return text
+
+
+def _number(value: float) -> str:
+    """Three digits, but whole numbers in full and never an exponent: 0.041, 5.62, 41.7, 1234."""
+    if value == 0:
+        return "0"
+    before_the_point = len(f"{int(abs(value))}") if abs(value) >= 1 else 0
+    return f"{value:.{max(3 - before_the_point, 0)}f}"

@@ -1,0 +1,209 @@
+"""The Gymnasium environment: what it returns, how episodes follow one another, and that its docstring tells the truth."""
+
+import copy
+import inspect
+import re
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import tagtrack  # noqa: F401  registers the ids
+from tagtrack.envs.observation import action_names, features
+from tagtrack.envs.scenario import SCENARIOS, Reward, Scenario
+from tagtrack.envs.sim.motion import Replay
+from tagtrack.envs.single import TagTrackEnv
+
+AHEAD = np.array([1.0, 0.0], np.float32)
+
+
+def make(**arguments) -> TagTrackEnv:
+    return TagTrackEnv(**{"particles": 100, **arguments})
+
+
+def table_under(heading: str) -> list[list[str]]:
+    """Rows of the docstring's table under a heading, without its two head lines."""
+    section = inspect.cleandoc(TagTrackEnv.__doc__).split(f"## {heading}\n")[1].split("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("|")]
+    return rows[2:]
+
+
+def test_observation_table_of_the_docstring_agrees_with_the_features() -> None:
+    expected = [
+        [str(k), feature.name, feature.meaning, f"{feature.low:g} to {feature.high:g}"] for k, feature in enumerate(features(1))
+    ]
+    assert table_under("Observation") == expected
+
+
+def test_action_table_of_the_docstring_agrees_with_the_action_names() -> None:
+    assert tuple(row[1] for row in table_under("Action")) == action_names(speed_control=True)
+
+
+def test_docstring_names_every_id_every_argument_and_the_default_lengths() -> None:
+    text = TagTrackEnv.__doc__
+    assert all(env_id in text for env_id in SCENARIOS)
+    assert all(f"{name}:" in text for name in inspect.signature(TagTrackEnv).parameters)
+    assert all(scenario.episode_steps == 600 for scenario in SCENARIOS.values()) and "(both 600 as registered)" in text
+    assert f"{Reward().error_cap:g} m" in text
+    assert re.search(r"\* v0:", text)
+
+
+@pytest.mark.parametrize(("env_id", "actions"), [(name, 3 if s.speed_control else 2) for name, s in SCENARIOS.items()])
+def test_spaces_are_finite_float32_boxes(env_id: str, actions: int) -> None:
+    env = gym.make(env_id)
+    assert env.observation_space.shape == (21,) and env.observation_space.dtype == np.float32
+    assert env.observation_space.is_bounded()
+    assert env.action_space == gym.spaces.Box(-1.0, 1.0, (actions,), np.float32)
+
+
+def test_observations_stay_inside_their_bounds_in_bad_water() -> None:
+    env = make(overrides={"water.noisy_share": 0.95})
+    env.action_space.seed(0)
+    observation, _ = env.reset(seed=0)
+    for _ in range(400):
+        assert observation in env.observation_space
+        observation = env.step(env.action_space.sample())[0]
+
+
+def test_step_returns_python_numbers_and_the_info_it_promises() -> None:
+    env = make()
+    _, first = env.reset(seed=1)
+    _, reward, terminated, truncated, info = env.step(AHEAD)
+    assert type(reward) is float and terminated is False and truncated is False
+    assert type(info["localization_error"]) is float and type(info["range"]) is float and type(info["detected"]) is bool
+    assert info["belief_mean"].shape == (2,) and info["belief_covariance"].shape == (2, 2)
+    assert info["reward_terms"].keys() == {"localization", "standoff"}
+    assert first.keys() | {"reward_terms"} == info.keys()
+
+
+def test_info_tells_what_the_simulation_holds() -> None:
+    env = make()
+    env.reset(seed=2)
+    for _ in range(20):
+        info = env.step(AHEAD)[-1]
+    simulation = env.simulation
+    assert info["localization_error"] == simulation.error[0, 0, 0]
+    assert info["range"] == np.hypot(*(simulation.fish_position[0, 0] - simulation.vehicle_position[0, 0]))
+    np.testing.assert_array_equal(info["belief_mean"], simulation.mean[0, 0, 0])
+    np.testing.assert_array_equal(info["belief_covariance"], simulation.covariance[0, 0, 0])
+    np.testing.assert_allclose(info["belief_mean"], simulation.worlds.particles[0, 0, 0, :2].mean(axis=1), rtol=1e-4)
+
+
+def test_reward_is_the_sum_of_its_terms_and_minus_the_capped_error() -> None:
+    env = TagTrackEnv("TagTrack/LeopardSharkStandoff-v0", particles=100, overrides={"reward.perimeter": 500.0})
+    env.reset(seed=3)
+    for _ in range(30):
+        _, reward, _, _, info = env.step(np.array([1.0, 0.0, 1.0], np.float32))
+        terms = info["reward_terms"]
+        assert reward == sum(terms.values())
+        assert terms["localization"] == -min(info["localization_error"], 50.0) / 50.0
+        assert terms["standoff"] == pytest.approx(-(1.0 - info["range"] / 500.0))
+
+
+@pytest.mark.parametrize(("action", "feature", "sign"), [((1, 0), 2, 1), ((-1, 0), 2, -1), ((0, 1), 3, -1), ((0, -1), 3, 1)])
+def test_action_steers_relative_to_the_line_to_the_belief(action: tuple[int, int], feature: int, sign: int) -> None:
+    """Ahead brings the belief ahead (cosine of its bearing near 1), astern astern; to port of the line it lies to starboard.
+
+    The belief moves, so that the average over ten episodes after 20 s of turning is not quite 1.
+    """
+    env, seen = make(particles=300), []
+    for seed in range(10):
+        env.reset(seed=seed)
+        seen += [env.step(np.array(action, np.float32))[0][feature] for _ in range(40)][20:]
+    assert sign * np.mean(seen) > 0.6
+
+
+def test_same_seed_repeats_an_episode_and_another_does_not() -> None:
+    env = make()
+    first = env.reset(seed=7)[0]
+    assert not np.array_equal(first, env.reset(seed=8)[0])
+    np.testing.assert_array_equal(first, env.reset(seed=7)[0])
+
+
+def test_reset_without_a_seed_goes_on_to_the_next_episode() -> None:
+    one, other = make(), make()
+    first = one.reset(seed=7)[0]
+    second, third = one.reset()[0], one.reset()[0]
+    assert not np.array_equal(first, second) and not np.array_equal(second, third)
+    other.reset(seed=7)
+    other.step(AHEAD)
+    np.testing.assert_array_equal(second, other.reset()[0])
+
+
+def test_first_reset_without_a_seed_draws_one() -> None:
+    assert not np.array_equal(make().reset()[0], make().reset()[0])
+
+
+def test_episode_is_truncated_and_never_terminated() -> None:
+    env = gym.make("TagTrack/LeopardShark-v0", particles=10)
+    env.reset(seed=0)
+    ends = [env.step(AHEAD)[2:4] for _ in range(600)]
+    assert ends[:-1] == [(False, False)] * 599 and ends[-1] == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (700, None, 600), (650, 620, 620)]
+)
+def test_episode_lasts_the_lesser_of_both_limits(episode_steps: int, max_episode_steps: int, length: int) -> None:
+    env = gym.make(
+        "TagTrack/LeopardShark-v0",
+        particles=10,
+        overrides={"episode_steps": episode_steps},
+        max_episode_steps=max_episode_steps,
+    )
+    env.reset(seed=0)
+    ends = [env.step(AHEAD)[3] for _ in range(length)]
+    assert ends.index(True) == length - 1
+
+
+def test_step_before_reset_is_refused() -> None:
+    with pytest.raises(gym.error.ResetNeeded, match="reset before step"):
+        make().step(AHEAD)
+
+
+def test_copy_of_an_environment_lives_on_by_itself() -> None:
+    env = make()
+    env.reset(seed=5)
+    env.step(AHEAD)
+    twin = copy.deepcopy(env)
+    for _ in range(10):
+        twin.step(AHEAD)
+    expected = [env.step(AHEAD)[4]["localization_error"] for _ in range(20)]
+    assert [twin.step(AHEAD)[4]["localization_error"] for _ in range(10)] == expected[10:]
+
+
+def test_every_parameter_is_reached_by_its_dotted_name() -> None:
+    env = make(particles=50, overrides={"belief": "levy", "tag.period": 5.0, "vehicle.max_speed": 2.0})
+    scenario = env.simulation.scenario
+    assert scenario.belief.particles == 50 and type(scenario.belief.motion).__name__ == "LevyFlight"
+    assert scenario.tag.period == 5.0 and scenario.vehicle.max_speed == 2.0
+
+
+def test_whole_scenario_takes_the_place_of_the_ids() -> None:
+    env = make(scenario=Scenario(speed_control=True, episode_steps=5), particles=30)
+    assert env.action_space.shape == (3,)
+    assert env.simulation.scenario.episode_steps == 5 and env.simulation.scenario.belief.particles == 30
+
+
+def write_straight_track(path: Path, speed: float) -> Path:
+    """An animal that swims east for 40 minutes, logged every 10 s."""
+    path.write_text("t_unix_s,x,y\n" + "".join(f"{1e9 + t},{5000 + speed * t},300.0\n" for t in range(0, 2401, 10)))
+    return path
+
+
+@pytest.mark.parametrize(("time_scale", "speed"), [(None, 0.5), (1.0, 0.5), (0.5, 0.25)])
+def test_fish_swims_a_recorded_track_at_the_chosen_speed(tmp_path: Path, time_scale: float, speed: float) -> None:
+    env = make(tracks=write_straight_track(tmp_path / "track.csv", speed=0.5), time_scale=time_scale)
+    env.reset(seed=0)
+    start = env.simulation.fish_position[0, 0].copy()
+    assert 20.0 <= np.hypot(*start) <= 100.0
+    for _ in range(100):
+        env.step(AHEAD)
+    assert np.hypot(*(env.simulation.fish_position[0, 0] - start)) == pytest.approx(100 * speed, abs=1e-3)
+
+
+def test_replay_of_a_scenario_keeps_its_own_time_scale(tmp_path: Path) -> None:
+    track = write_straight_track(tmp_path / "track.csv", speed=0.5)
+    env = make(scenario=Scenario(fish=Replay(time_scale=0.25)), tracks=track)
+    assert env.simulation.scenario.fish == Replay(time_scale=0.25)

@@ -1,0 +1,147 @@
+"""The vector environment against Gymnasium's own SyncVectorEnv of single environments, in all three autoreset modes."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import tagtrack  # noqa: F401  registers the ids
+from tagtrack.envs.single import TagTrackEnv
+from tagtrack.envs.vector import TagTrackVectorEnv
+
+WORLDS = 3
+LIMIT = 7
+SMALL: dict[str, Any] = {"particles": 60, "overrides": {"episode_steps": LIMIT, "water.noisy_share": 0.2}}
+ACTIONS = np.random.default_rng(0).uniform(-1.0, 1.0, (40, WORLDS, 2)).astype(np.float32)
+
+
+def make(mode: AutoresetMode = AutoresetMode.NEXT_STEP, **arguments: Any) -> TagTrackVectorEnv:
+    return TagTrackVectorEnv(num_envs=WORLDS, autoreset_mode=mode, **{**SMALL, **arguments})
+
+
+def make_reference(mode: AutoresetMode) -> SyncVectorEnv:
+    return SyncVectorEnv([lambda: TagTrackEnv(**SMALL)] * WORLDS, autoreset_mode=mode)
+
+
+def assert_same_info(ours: dict[str, Any], reference: dict[str, Any]) -> None:
+    """Same keys and masks, and the same values wherever the mask is True."""
+    assert ours.keys() == reference.keys()
+    for key in (key for key in ours if not key.startswith("_")):
+        mask = reference[f"_{key}"]
+        np.testing.assert_array_equal(ours[f"_{key}"], mask)
+        if isinstance(ours[key], dict):
+            assert_same_info(ours[key], reference[key])
+            continue
+        assert ours[key].dtype == reference[key].dtype, key
+        for world in np.flatnonzero(mask):
+            np.testing.assert_array_equal(ours[key][world], reference[key][world])
+
+
+def assert_same_step(ours: tuple[Any, ...], reference: tuple[Any, ...]) -> None:
+    for mine, other in zip(ours[:-1], reference[:-1], strict=True):
+        assert mine.dtype == other.dtype
+        np.testing.assert_array_equal(mine, other)
+    assert_same_info(ours[-1], reference[-1])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_each_autoreset_mode_does_what_gymnasiums_vector_of_single_environments_does(mode: AutoresetMode) -> None:
+    ours, reference = make(mode), make_reference(mode)
+    assert_same_step(ours.reset(seed=11), reference.reset(seed=11))
+    for actions in ACTIONS:
+        assert_same_step(ours.step(actions), reference.step(actions))
+
+
+def test_disabled_mode_resets_the_masked_worlds_as_gymnasium_does() -> None:
+    ours, reference = make(AutoresetMode.DISABLED), make_reference(AutoresetMode.DISABLED)
+    assert_same_step(ours.reset(seed=11), reference.reset(seed=11))
+    for actions in ACTIONS:
+        step = ours.step(actions)
+        assert_same_step(step, reference.step(actions))
+        if step[3].any():
+            mask = step[3] | np.array([True, False, False])
+            assert_same_step(ours.reset(options={"reset_mask": mask}), reference.reset(options={"reset_mask": mask}))
+
+
+def test_reset_mask_is_read_and_left_in_the_options() -> None:
+    env = make(AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    mask = np.array([False, True, False])
+    options = {"reset_mask": mask}
+    env.reset(options=options)
+    assert options["reset_mask"] is mask and mask.tolist() == [False, True, False]
+
+
+def test_masked_reset_with_a_seed_gives_each_world_its_own() -> None:
+    env = make(AutoresetMode.DISABLED)
+    first = env.reset(seed=5)[0]
+    env.step(ACTIONS[0])
+    again = env.reset(seed=5, options={"reset_mask": np.array([False, True, True])})[0]
+    np.testing.assert_array_equal(again[1:], first[1:])
+    assert not np.array_equal(again[0], first[0])
+
+
+def test_disabled_mode_refuses_to_step_an_ended_world() -> None:
+    env = make(AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    for actions in ACTIONS[:LIMIT]:
+        env.step(actions)
+    with pytest.raises(gym.error.ResetNeeded, match=r"worlds \[0, 1, 2\] have ended"):
+        env.step(ACTIONS[0])
+
+
+def test_final_observation_is_the_one_before_the_reset() -> None:
+    same, next_step = make(AutoresetMode.SAME_STEP), make(AutoresetMode.NEXT_STEP)
+    same.reset(seed=0)
+    next_step.reset(seed=0)
+    for actions in ACTIONS[:LIMIT]:
+        observation, _, _, truncated, info = same.step(actions)
+        last = next_step.step(actions)[0]
+    assert truncated.all()
+    np.testing.assert_array_equal(np.stack(list(info["final_obs"])), last)
+    np.testing.assert_array_equal(observation, next_step.step(ACTIONS[0])[0])
+
+
+def test_seeds_may_be_given_one_by_one() -> None:
+    env = make()
+    np.testing.assert_array_equal(env.reset(seed=[4, 5, 6])[0], env.reset(seed=4)[0])
+    with pytest.raises(ValueError, match="one seed for each of 3 worlds, got 2"):
+        env.reset(seed=[1, 2])
+
+
+def test_first_reset_without_a_seed_draws_one() -> None:
+    assert not np.array_equal(make().reset()[0], make().reset()[0])
+
+
+def test_lower_of_both_limits_truncates() -> None:
+    env = make(max_episode_steps=3)
+    env.reset(seed=0)
+    assert [bool(env.step(actions)[3].all()) for actions in ACTIONS[:3]] == [False, False, True]
+    assert make(max_episode_steps=600).episode_limit == LIMIT
+
+
+def test_make_vec_gives_the_native_environment_with_the_registered_limit() -> None:
+    env = gym.make_vec("TagTrack/LeopardShark-v0", num_envs=4, vectorization_mode="vector_entry_point", particles=50, threads=2)
+    assert isinstance(env, TagTrackVectorEnv) and env.num_envs == 4
+    assert env.episode_limit == 600 and env.spec is not None and env.spec.id == "TagTrack/LeopardShark-v0"
+    assert env.simulation.threads == 2 and env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "mask", [[True, False, False], np.zeros(3, bool), np.ones(2, bool), np.ones(3)], ids=["list", "none", "short", "float"]
+)
+def test_bad_reset_mask_is_refused(mask: Any) -> None:
+    env = make(AutoresetMode.DISABLED)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="reset_mask must be a bool array of shape"):
+        env.reset(options={"reset_mask": mask})
+
+
+def test_first_reset_must_be_of_all_worlds() -> None:
+    with pytest.raises(gym.error.ResetNeeded, match="all worlds"):
+        make(AutoresetMode.DISABLED).reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(gym.error.ResetNeeded, match="reset before step"):
+        make().step(ACTIONS[0])

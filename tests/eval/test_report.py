@@ -1,0 +1,118 @@
+"""The benchmark's files: the JSON layout others read, and a table in which every name stays a name."""
+
+import io
+import json
+import math
+
+import pytest
+
+from tagtrack.eval.metrics import EpisodeRecord, Interval, ratios_to_first, summarize
+from tagtrack.eval.report import benchmark_document, console_table, markdown_table, table_rows, write_benchmark
+
+
+def document(*, perimeter=math.nan, names=("three_step", "circle:40")):
+    errors = {name: [[6.0 / (i + 1)] * 4, [8.0 / (i + 1)] * 4] for i, name in enumerate(names)}
+    records = {name: EpisodeRecord(error=error, range=[[10.0] * 4, [30.0] * 4]) for name, error in errors.items()}
+    return benchmark_document(
+        env="TagTrack/LeopardShark-v0",
+        episodes=2,
+        seed=0,
+        particles=4000,
+        versions={"tagtrack": "0.1.0"},
+        policies={name: summarize(record, perimeter=perimeter, lost_error=5.0) for name, record in records.items()},
+        ratios=ratios_to_first(records),
+    )
+
+
+def test_document_has_the_layout_of_benchmark_json():
+    made = document()
+    assert list(made) == ["env", "episodes", "seed", "particles", "versions", "policies", "ratios"]
+    assert list(made["policies"]) == ["three_step", "circle:40"]
+    assert made["policies"]["three_step"]["mean_error_m"] == {"value": 7.0, "low": 6.0, "high": 8.0}
+    assert made["policies"]["three_step"]["inside_perimeter"] == {"value": None, "low": None, "high": None}
+    assert made["ratios"] == {"three_step/circle:40": {"value": 2.0, "low": 2.0, "high": 2.0}}
+
+
+def test_rows_read_as_the_figures_say():
+    header, rows = table_rows(document(perimeter=20.0))
+    assert header == [
+        "policy", "mean error [m]", "median [m]", "95 % [m]", "IQM [m]", "lost [%]", "mean range [m]",
+        "inside perimeter [%]", "three_step / policy",
+    ]  # fmt: skip
+    assert rows[0] == ["three_step", "7.00 [6.00, 8.00]", "7.00", "8.00", "7.00", "100", "20.0", "50.0", "1"]
+    assert rows[1] == [
+        "circle:40",
+        "3.50 [3.00, 4.00]",
+        "3.50",
+        "4.00",
+        "3.50",
+        "0",
+        "20.0",
+        "50.0",
+        "2.00 [2.00, 2.00]",
+    ]
+
+
+def test_a_figure_that_nobody_has_gets_no_column():
+    assert "inside perimeter [%]" not in table_rows(document())[0]
+    assert table_rows(document(names=("alone",)))[0][-1] == "mean range [m]"
+
+
+def test_markdown_is_one_table_with_as_many_cells_in_every_row():
+    lines = markdown_table(document(names=("three_step", "a|b"))).splitlines()
+    assert lines[1].startswith("| :-- | --: |")
+    assert r"a\|b" in lines[3]
+    cells = [line.replace(r"\|", "").count("|") for line in lines[:4]]
+    assert len(set(cells)) == 1
+    assert "2 paired episodes of TagTrack/LeopardShark-v0, seed 0, 4000 particles" in lines[5]
+
+
+def test_console_shows_a_name_with_brackets_as_it_is():
+    from rich.console import Console
+
+    screen = io.StringIO()
+    Console(file=screen, width=200).print(console_table(document(names=("three_step", "[red]run"))))
+    assert "[red]run" in screen.getvalue()
+    assert "[3.00, 4.00]" in screen.getvalue()
+
+
+def test_console_breaks_no_name_and_no_interval_in_80_columns():
+    from rich.console import Console
+
+    screen = io.StringIO()
+    Console(file=screen, width=80).print(console_table(document(perimeter=20.0)))
+    for whole in ("three_step ", "circle:40 ", "[3.00, 4.00]", "[2.00, 2.00]", "perimeter", "median"):
+        assert whole in screen.getvalue()
+
+
+def test_files_are_written_and_an_old_table_can_be_made_from_the_json(tmp_path):
+    made = document(perimeter=20.0)
+    json_path, table_path = write_benchmark(tmp_path, made)
+    assert (json_path.name, table_path.name) == ("benchmark.json", "table.md")
+    read = json.loads(json_path.read_text(encoding="utf-8"))
+    assert read == made
+    assert table_path.read_text(encoding="utf-8") == markdown_table(read)
+    assert {path.name for path in tmp_path.iterdir()} == {"benchmark.json", "table.md"}
+
+
+def test_a_document_that_is_not_json_leaves_the_old_files_alone(tmp_path):
+    write_benchmark(tmp_path, document())
+    before = (tmp_path / "benchmark.json").read_bytes()
+    broken = document()
+    broken["versions"] = {"tagtrack": math.nan}
+    with pytest.raises(ValueError, match="JSON"):
+        write_benchmark(tmp_path, broken)
+    assert (tmp_path / "benchmark.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [(0.0, "0"), (0.0413, "0.041"), (5.618, "5.62"), (41.73, "41.7"), (123.4, "123"), (1234.5, "1234")],
+)
+def test_three_digits_are_shown(value, shown):
+    figures = {
+        **document()["policies"]["three_step"],
+        "mean_error_m": Interval(value=value, low=value, high=value).to_json(),
+    }
+    _, rows = table_rows({"policies": {"only": figures}, "ratios": {}})
+    assert rows[0][1].split()[0] == shown
