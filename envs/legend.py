@@ -9,7 +9,7 @@ import numpy as np
 
 from tagtrack.envs.simulation import Simulation
 
-PANEL = 230  # width [pixels]
+PANEL = 250  # width [pixels]
 
 WATER = (228, 238, 244)
 GRID = (208, 222, 231)
@@ -24,7 +24,7 @@ FAN = (243, 218, 158)
 # Outlines [pixels], x ahead, y to port.
 VEHICLE_SHAPE = np.array([(13, 0), (6, 5), (-9, 5), (-13, 0), (-9, -5), (6, -5)])
 FISH_SHAPE = np.array([(11, 0), (5, 4), (-2, 4), (-7, 1), (-12, 5), (-12, -5), (-7, -1), (-2, -4), (5, -4)])
-CROSS = np.array([(7, 1), (1, 1), (1, 7), (-1, 7), (-1, 1), (-7, 1), (-7, -1), (-1, -1), (-1, -7), (1, -7), (1, -1), (7, -1)])
+CROSS = np.array([(8, 2), (2, 2), (2, 8), (-2, 8), (-2, 2), (-8, 2), (-8, -2), (-2, -2), (-2, -8), (2, -8), (2, -2), (8, -2)])
 
 
 def paint_shape(surface: Any, shape: np.ndarray, place: Any, colour: Any, size: int, heading: float = 0.0) -> None:
@@ -35,8 +35,7 @@ def paint_shape(surface: Any, shape: np.ndarray, place: Any, colour: Any, size: 
     port = np.array((-math.sin(heading), -math.cos(heading)))
     outline = (np.asarray(place) + size * (shape[:, :1] * ahead + shape[:, 1:] * port)).tolist()
     draw.polygon(surface, colour, outline)
-    if shape is not CROSS:
-        draw.polygon(surface, INK, outline, size)
+    draw.polygon(surface, PAPER if shape is CROSS else INK, outline, size)
 
 
 class Legend:
@@ -74,7 +73,7 @@ class Legend:
             "time": f"{seconds // 60:02d}:{seconds % 60:02d}",
             "range": f"{contacts['range'].min():.0f} m",
             "last heard": f"{contacts['silence'].min():.0f} s ago" if readings else "not yet",
-            "reading": " ".join(f"{units:+.0f}" for units in readings) or "none",
+            "reading": " ".join(f"{units:+.0f}" for units in readings[:4]) or "none",
         }
         self.write(panel, "error of the estimate", (20, 22), FAINT)
         panel.blit(self._headline.render(f"{simulation.error[world].mean():.1f} m", True, INK), (20, 42))

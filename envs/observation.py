@@ -14,8 +14,8 @@ import numpy as np
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.sim.geometry import wrap_angle
 
-LENGTH = 100.0  # m: distances are given as shares of this
-SILENCE_SCALE = 5.0
+LENGTH = 50.0  # m: distances are given as shares of this
+SILENCE_SCALE = 2.0
 
 
 class Feature(NamedTuple):
@@ -28,21 +28,21 @@ class Feature(NamedTuple):
 
 
 TAG_FEATURES = (
-    Feature("distance", "to the mean of the belief / 100 m", 0.0, 10.0),
-    Feature("log_distance", "ln(1 + distance / 5 m) / 4", 0.0, 2.0),
+    Feature("distance", "to the mean of the belief / 50 m", 0.0, 10.0),
+    Feature("log_distance", "ln((distance + 1 m) / 15 m)", -3.0, 4.0),
     Feature("bearing_cos", "of the belief's bearing relative to the heading", -1.0, 1.0),
     Feature("bearing_sin", "the same; positive to port", -1.0, 1.0),
-    Feature("log_spread_along", "ln(standard deviation along the line of sight / 1 m) / 4", -1.0, 2.0),
-    Feature("log_spread_across", "the same across it", -1.0, 2.0),
+    Feature("log_spread_along", "ln(standard deviation along the line of sight / 5 m)", -4.0, 5.0),
+    Feature("log_spread_across", "the same across it", -4.0, 5.0),
     Feature("spread_correlation", "between along and across", -1.0, 1.0),
     Feature("port_balance", "share of particles to port minus share to starboard", -1.0, 1.0),
-    Feature("silence", "ln(1 + time since the last detection / 1 s) / 5", 0.0, 2.0),
+    Feature("silence", "ln(1 + time since the last detection / 1 s) / 2", 0.0, 5.0),
     Feature("last_units", "last bearing reading / 9 Lotek units; 0 before the first", -1.0, 1.0),
     Feature("last_strength", "last signal strength / 50; 0 before the first", -2.0, 4.0),
     Feature("heard_lately", "share of pings heard, average over some 5 pings", 0.0, 1.0),
     Feature("heard_long", "the same over some 33 pings", 0.0, 1.0),
-    Feature("velocity_along", "of the belief along the line of sight, 20 s average / 1 m/s", -2.0, 2.0),
-    Feature("velocity_across", "the same across it, positive to the left of the line", -2.0, 2.0),
+    Feature("velocity_along", "of the belief along the line of sight, 20 s average / 0.25 m/s", -8.0, 8.0),
+    Feature("velocity_across", "the same across it, positive to the left of the line", -8.0, 8.0),
     Feature("bearing_cos_lately", "bearing_cos, average over some 20 s", -1.0, 1.0),
     Feature("bearing_sin_lately", "bearing_sin, average over some 20 s", -1.0, 1.0),
     Feature("ping_phase", "time since the tag last pinged / its period", 0.0, 1.0),
@@ -119,20 +119,20 @@ def observe_tag(out, belief, contact, vehicle, phase):
     across = max(across, 1e-4)
     heard_before = not math.isnan(contact.units)
     out[0] = min(distance / LENGTH, 10.0)
-    out[1] = min(math.log(1.0 + distance / 5.0) / 4.0, 2.0)
+    out[1] = min(math.log((distance + 1.0) / 15.0), 4.0)
     out[2] = math.cos(bearing)
     out[3] = math.sin(bearing)
-    out[4] = min(max(math.log(along) / 8.0, -1.0), 2.0)
-    out[5] = min(max(math.log(across) / 8.0, -1.0), 2.0)
+    out[4] = min(max(0.5 * math.log(along / 25.0), -4.0), 5.0)
+    out[5] = min(max(0.5 * math.log(across / 25.0), -4.0), 5.0)
     out[6] = min(max(both / math.sqrt(along * across), -1.0), 1.0)
     out[7] = 2.0 * contact.port - 1.0
-    out[8] = min(math.log(1.0 + contact.silence) / SILENCE_SCALE, 2.0)
+    out[8] = min(math.log(1.0 + contact.silence) / SILENCE_SCALE, 5.0)
     out[9] = contact.units / 9.0 if heard_before else 0.0
     out[10] = min(max(contact.strength / 50.0, -2.0), 4.0) if heard_before else 0.0
     out[11] = contact.heard_lately
     out[12] = contact.heard_long
-    out[13] = min(max(belief.velocity_x * along_x + belief.velocity_y * along_y, -2.0), 2.0)
-    out[14] = min(max(belief.velocity_y * along_x - belief.velocity_x * along_y, -2.0), 2.0)
+    out[13] = min(max(4.0 * (belief.velocity_x * along_x + belief.velocity_y * along_y), -8.0), 8.0)
+    out[14] = min(max(4.0 * (belief.velocity_y * along_x - belief.velocity_x * along_y), -8.0), 8.0)
     out[15] = contact.cos_lately
     out[16] = contact.sin_lately
     out[17] = phase

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -112,7 +112,10 @@ class Simulation:
         return self.outputs.observation
 
     def _seeds(self, seed: int | Sequence[int]) -> np.ndarray:
-        seeds = [int(seed) + i for i in range(self.num_worlds)] if np.ndim(seed) == 0 else [int(s) for s in seed]
+        if isinstance(seed, (int, np.integer)):
+            seeds = [int(seed) + i for i in range(self.num_worlds)]
+        else:
+            seeds = [int(each) for each in seed]
         if len(seeds) != self.num_worlds:
             raise ValueError(f"there must be one seed for each of {self.num_worlds} worlds, got {len(seeds)}")
         if not 0 <= min(seeds) <= max(seeds) <= LARGEST_SEED:
@@ -133,7 +136,7 @@ class Simulation:
             raise ValueError(f"actions must be finite, got {self._actions[world].tolist()} for world {world}")
         self._run(self._step_worlds, self._step_arguments)
 
-    def _run(self, kernel: Any, arguments: tuple[Any, ...]) -> None:
+    def _run(self, kernel: Callable[..., None], arguments: tuple[Any, ...]) -> None:
         if self._pool is None:
             kernel(0, self.num_worlds, *arguments, self._scratch[0])
             return

@@ -37,21 +37,21 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     | index | name | meaning | range |
     |---|---|---|---|
-    | 0 | distance | to the mean of the belief / 100 m | 0 to 10 |
-    | 1 | log_distance | ln(1 + distance / 5 m) / 4 | 0 to 2 |
+    | 0 | distance | to the mean of the belief / 50 m | 0 to 10 |
+    | 1 | log_distance | ln((distance + 1 m) / 15 m) | -3 to 4 |
     | 2 | bearing_cos | of the belief's bearing relative to the heading | -1 to 1 |
     | 3 | bearing_sin | the same; positive to port | -1 to 1 |
-    | 4 | log_spread_along | ln(standard deviation along the line of sight / 1 m) / 4 | -1 to 2 |
-    | 5 | log_spread_across | the same across it | -1 to 2 |
+    | 4 | log_spread_along | ln(standard deviation along the line of sight / 5 m) | -4 to 5 |
+    | 5 | log_spread_across | the same across it | -4 to 5 |
     | 6 | spread_correlation | between along and across | -1 to 1 |
     | 7 | port_balance | share of particles to port minus share to starboard | -1 to 1 |
-    | 8 | silence | ln(1 + time since the last detection / 1 s) / 5 | 0 to 2 |
+    | 8 | silence | ln(1 + time since the last detection / 1 s) / 2 | 0 to 5 |
     | 9 | last_units | last bearing reading / 9 Lotek units; 0 before the first | -1 to 1 |
     | 10 | last_strength | last signal strength / 50; 0 before the first | -2 to 4 |
     | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
     | 12 | heard_long | the same over some 33 pings | 0 to 1 |
-    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 1 m/s | -2 to 2 |
-    | 14 | velocity_across | the same across it, positive to the left of the line | -2 to 2 |
+    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 0.25 m/s | -8 to 8 |
+    | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
     | 17 | ping_phase | time since the tag last pinged / its period | 0 to 1 |
@@ -159,8 +159,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _info(self) -> dict[str, Any]:
         worlds = self.simulation.worlds
-        belief = dict(zip(BELIEF.names, worlds.beliefs.item(), strict=True))
-        contact = dict(zip(CONTACT.names, worlds.contacts.item(), strict=True))
+        belief = dict(zip(BELIEF.names or (), worlds.beliefs.item(), strict=True))
+        contact = dict(zip(CONTACT.names or (), worlds.contacts.item(), strict=True))
         return {
             "localization_error": belief["error"],
             "range": contact["range"],

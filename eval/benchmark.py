@@ -39,6 +39,7 @@ class Benchmark:
 
     def run(self) -> None:
         """Run it."""
+        self.trial.check()
         task, trial, env_id = self.task.build(), self.trial, self.task.env_id
         specs = name_contestants(self.policies)
         makers = find_makers(specs, task, env_id)

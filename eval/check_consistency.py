@@ -38,8 +38,9 @@ TITLES: Mapping[str, tuple[str, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Consistency:
-    """Compare the spread of the belief with its errors: normalized error squared, share of time the truth lies inside the ellipses.
+    """Compare the spread of the belief with its errors.
 
+    Normalized error squared, share of time the truth lies inside the 50, 90 and 99 % ellipses, proportions of Table II.
     The error is that of the mean of the particles, whatever the filter reports. Other beliefs: --set belief=levy.
     """
 
@@ -52,6 +53,7 @@ class Consistency:
 
     def run(self) -> None:
         """Run it."""
+        self.trial.check()
         task, trial = self.task.build(), self.trial
         ((name, maker),) = find_makers(name_contestants([self.policy]), task, self.task.env_id).items()
         if self.out is not None:

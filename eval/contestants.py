@@ -31,7 +31,9 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
     for spec in specs:
         name = spec if _is_baseline(spec) else Path(spec).resolve().name
         if name in named:
-            raise ValueError(f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder")
+            raise ValueError(
+                f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
+            )
         named[name] = spec
     return named
 
@@ -40,7 +42,8 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
     """A maker for each policy; each has made its policy once for this task.
 
     Args:
-        specs: by name, a baseline's spec, a folder with a saved policy, a policy, or a function that makes one for a ``Simulation``.
+        specs: by name, a baseline's spec, a folder with a saved policy, a policy, or a function that makes one for a
+            ``Simulation``.
         env_id: for error messages.
     Raises:
         ValueError: for an unknown baseline, a wrong number behind its colon, a policy of another layout or a damaged file.

@@ -1,4 +1,4 @@
-"""The compiled filter alone, with the same work a step as the readable reference: predict, weigh by a bearing, resample, summarize.
+"""The compiled filter alone, and the readable reference doing the same: predict, weigh by a bearing, resample, summarize.
 
 Both watch a tag at rest from a vehicle that turns on the spot. The row loop is the one of ``envs/world.py`` without the world.
 """

@@ -69,7 +69,8 @@ class EpisodeOptions:
     threads: int = 1
     """Threads of the simulation; results do not depend on them."""
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Raise ValueError for a number out of range (not when made, for tyro would frame the message)."""
         for name in ("episodes", "threads"):
             if getattr(self, name) < 1:
                 raise ValueError(f"--{name} must be at least 1, got {getattr(self, name)}")

@@ -11,10 +11,13 @@ def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
     """Give a function that is told which policy has just done how many env steps, of ``total`` for all."""
     from tqdm import tqdm
 
+    running = ""
     with tqdm(total=total, unit=" steps", unit_scale=True, disable=None, leave=False, dynamic_ncols=True) as bar:
 
         def advance(policy: str, steps: int) -> None:
-            if bar.desc != f"{policy}: ":
+            nonlocal running
+            if policy != running:
+                running = policy
                 bar.set_description(policy, refresh=False)
             bar.update(steps)
 

@@ -120,7 +120,8 @@ def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note:
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, padding=0, caption=Text(note), caption_justify="left")
-    table.add_column(header[0], overflow="fold")
+    longest = max(len(row[0]) for row in (header, *rows))
+    table.add_column(header[0], overflow="fold", min_width=min(longest, 12))
     for title in header[1:]:
         table.add_column(Text(_stacked(title)), justify="right", no_wrap=True)
     for policy, *cells in rows:

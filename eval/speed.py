@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -168,7 +168,7 @@ def describe_machine() -> dict[str, Any]:
 
 def print_speed(document: dict[str, Any]) -> None:
     """The rows as a table."""
-    header = ["kind", "worlds", "threads", "particles", "env steps/s", "particle updates/s", "ratio to reference"]
+    header = ["kind", "worlds", "threads", "particles", "env\nsteps/s", "particle\nupdates/s", "ratio to\nreference"]
     rows = [
         [
             row["kind"],

@@ -1,4 +1,4 @@
-"""`python -m eval tradeoff`: knowing where the fish is against keeping away from it, for heuristics at several settings and runs."""
+"""`python -m eval tradeoff`: knowing where the fish is against keeping away from it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import rich
 import tyro
 
-from tagtrack.baselines.registry import BASELINES, baseline_parameters
+from tagtrack.baselines.registry import baseline_parameters
 from tagtrack.eval.comparison import Comparison, compare
 from tagtrack.eval.contestants import name_contestants
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
@@ -48,6 +48,7 @@ class Tradeoff:
 
     def run(self) -> None:
         """Run it."""
+        self.trial.check()
         task, env_id, trial = self.task.build(), self.task.env_id, self.trial
         if task.scenario.reward.perimeter <= 0:
             raise ValueError(f"{env_id} has no perimeter to keep; give one: --set reward.perimeter=20")

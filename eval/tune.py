@@ -50,6 +50,7 @@ class Tune:
 
     def run(self) -> None:
         """Run it."""
+        self.trial.check()
         task, env_id = self.task.build(), self.task.env_id
         specs = self.specifications()
         require_writable_file(self.out)

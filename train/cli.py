@@ -1,4 +1,4 @@
-"""`python -m train`: parse, make or reopen the run's folder, train, and say how the policy compares with the paper's controller."""
+"""`python -m train`: parse, make or reopen the run's folder, train, and compare the policy with the paper's controller."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
         print(f"stopped at {model.num_timesteps:,} of {settings.steps:,} steps; go on with\n    {_command(folder.path)}")
         return 130
     print(f"trained {model.num_timesteps:,} steps in {time.perf_counter() - started:.0f} s")
-    print_comparison(folder, task)
+    print_comparison(folder, task, env_id)
     print(f"run: {folder.path}\nmore: python -m eval benchmark --env {env_id} --policies three_step {folder.path}")
     return 0
 
@@ -160,10 +160,13 @@ def draw_curve(folder: Any) -> None:
         save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, {}))
 
 
-def print_comparison(folder: Any, task: Any) -> None:
+def print_comparison(folder: Any, task: Any, env_id: str) -> None:
     """A small table: the policy that was kept beside the paper's controller and pursuit, on episodes it was not chosen on."""
-    from tagtrack.eval import compare
-    from tagtrack.eval.report import print_table
+    from rich.console import Console
 
-    comparison = compare(task, ["three_step", "pursuit", str(folder.path)], episodes=256, seed=1_000_000)
-    print_table(comparison)
+    from tagtrack.eval import collect_versions, compare
+    from tagtrack.eval.report import console_table
+
+    policies = ["three_step", "pursuit", str(folder.path)]
+    comparison = compare(task, policies, episodes=256, seed=1_000_000, env_id=env_id)
+    Console().print(console_table(comparison.document(collect_versions())))

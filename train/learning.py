@@ -144,7 +144,7 @@ class Training(BaseCallback):
         )
 
     def validate(self) -> None:
-        """Roll out the policy on the fixed validation episodes; keep it if its reward is the best; write checkpoint and progress."""
+        """Roll out the policy on the validation episodes; keep it if its reward is the best; write checkpoint and progress."""
         if self.num_timesteps == self.last_validation:
             return
         self.last_validation = self.num_timesteps

@@ -59,7 +59,7 @@ class TagTrackVecEnv(VecEnv):
         self._head_start = np.zeros(self.num_envs, np.int64)  # steps by which a staggered episode is shorter
         self._return = np.zeros(self.num_envs)
         self._error = np.zeros(self.num_envs)  # sum over the episode [m]
-        self._actions = np.zeros((self.num_envs, *self.action_space.shape), np.float32)
+        self._actions = np.zeros((self.num_envs, len(self.simulation.action_names)), np.float32)
 
     def reset(self) -> np.ndarray:
         """Begin episodes in all worlds: the first of the seed given to ``seed``, else the next."""

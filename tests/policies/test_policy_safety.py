@@ -92,7 +92,7 @@ def start_python(program, folder):
 def test_loading_needs_no_torch_and_executes_nothing(saved, make_policy):
     program = """
 import sys
-for name in ("torch", "stable_baselines3", "gymnasium", "numba", "scipy"):
+for name in ("torch", "stable_baselines3", "numba", "scipy"):
     sys.modules[name] = None  # makes importing it an ImportError
 from tagtrack.policies.files import load_policy
 import numpy.random  # newer numpy imports it only when it is used

@@ -117,7 +117,8 @@ def test_worlds_share_attributes_and_cannot_be_changed_one_by_one() -> None:
 
 
 def test_wrappers_of_stable_baselines_take_it() -> None:
-    env = VecNormalize(VecMonitor(make()))
+    with pytest.warns(UserWarning, match="already wrapped"):  # it reports as a Monitor does
+        env = VecNormalize(VecMonitor(make()))
     env.reset()
     for actions in ACTIONS[:LIMIT]:
         infos = env.step(actions)[3]

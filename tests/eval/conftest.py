@@ -1,0 +1,58 @@
+"""Short tasks for the commands and roll-outs, a saved policy that fits them, and `python -m eval` within this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tagtrack.envs.observation import action_names, feature_names
+from tagtrack.envs.task import Task, build_task
+from tagtrack.eval.cli import main
+from tagtrack.policies.files import save_policy
+from tagtrack.policies.network import NetworkPolicy, weight_shapes
+
+STEPS, PARTICLES = 40, 60
+SHORT = ("--set", f"episode_steps={STEPS}", "--particles", str(PARTICLES), "--episodes", "6")
+
+
+@pytest.fixture
+def task() -> Task:
+    return build_task("LeopardShark-v0", particles=PARTICLES, overrides={"episode_steps": STEPS})
+
+
+@pytest.fixture
+def evaluate(capsys) -> Callable[..., tuple[int, str, str]]:
+    """Run a command line; returns exit status, standard output and standard error."""
+
+    def run(*arguments: str | Path) -> tuple[int, str, str]:
+        status = main([str(argument) for argument in arguments])
+        shown = capsys.readouterr()
+        return status, shown.out, shown.err
+
+    return run
+
+
+@pytest.fixture
+def save_run() -> Callable[..., Path]:
+    """Save a random linear policy as a training run would."""
+
+    def save(folder: Path, *, features: tuple[str, ...] = feature_names(), speed_control: bool = False) -> Path:
+        actions = action_names(speed_control)
+        shapes = weight_shapes(features=len(features), hidden=(), actions=len(actions), squash="clip")
+        generator = np.random.default_rng(1)
+        policy = NetworkPolicy(
+            algorithm="ppo",
+            env_id="TagTrack/LeopardShark-v0",
+            observation_features=features,
+            action_names=actions,
+            hidden=(),
+            activation="tanh",
+            weights={name: generator.normal(0, 0.3, shape).astype(np.float32) for name, shape in shapes.items()},
+        )
+        save_policy(folder, policy)
+        return folder
+
+    return save

@@ -1,0 +1,198 @@
+"""`python -m eval` as a user types it: files written, their layout, and what the commands promise of each other."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tagtrack.eval.rollout import SeedBlock, block_seed
+from tests.eval.conftest import PARTICLES, SHORT
+
+FIGURES = [
+    "mean_error_m",
+    "median_error_m",
+    "rmse_m",
+    "p95_error_m",
+    "iqm_error_m",
+    "lost_fraction",
+    "mean_range_m",
+    "inside_perimeter",
+]
+
+
+def run_eval(*arguments, cwd):
+    command = [sys.executable, "-m", "tagtrack.eval", *arguments]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=300)
+
+
+def read_json(path):
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
+    save_run(tmp_path / "my_run")
+    arguments = ("--policies", "three_step", "circle:40", "my_run", "--out", "out", "--seed", "5")
+    done = run_eval("benchmark", "--env", "LeopardShark-v0", *SHORT, *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "three_step" in done.stdout
+    assert "written: out" in done.stdout
+    assert "steps/s" not in done.stderr  # no progress bar where there is no terminal
+    out = tmp_path / "out"
+    assert sorted(path.name for path in out.iterdir()) == [
+        "benchmark.json", "config.json", "errors.png", "table.md", "track_median.png",
+    ]  # fmt: skip
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in out.glob("*.png"))
+    result = read_json(out / "benchmark.json")
+    assert list(result) == ["env", "episodes", "seed", "particles", "versions", "policies", "ratios"]
+    assert result["env"] == "TagTrack/LeopardShark-v0"
+    assert (result["episodes"], result["seed"], result["particles"]) == (6, 5, PARTICLES)
+    assert {"tagtrack", "commit", "python", "numpy", "numba"} <= set(result["versions"])
+    assert list(result["policies"]) == ["three_step", "circle:40", "my_run"]
+    for figures in result["policies"].values():
+        assert list(figures) == FIGURES
+        assert all(list(figure) == ["value", "low", "high"] for figure in figures.values())
+        assert figures["inside_perimeter"]["value"] is None  # LeopardShark has no perimeter
+    assert list(result["ratios"]) == ["three_step/circle:40", "three_step/my_run"]
+    asked = read_json(out / "config.json")
+    assert asked["policies"]["my_run"] == "my_run"
+    assert asked["overrides"] == {"episode_steps": "40"}
+
+
+def test_benchmark_again_replaces_the_earlier_one_and_gives_the_same(evaluate, tmp_path):
+    command = ("benchmark", *SHORT, "--out", tmp_path / "out", "--policies", "pursuit", "stationary")
+    assert evaluate(*command, "--episodes", "8")[0] == 0
+    first = (tmp_path / "out/benchmark.json").read_bytes()
+    assert (tmp_path / "out/track_hard.png").exists()
+    assert evaluate(*command, "--episodes", "8", "--threads", "2")[0] == 0
+    assert (tmp_path / "out/benchmark.json").read_bytes() == first
+    assert evaluate(*command, "--episodes", "4")[0] == 0
+    assert not (tmp_path / "out/track_hard.png").exists()  # of the earlier one; four episodes have none
+
+
+def test_standoff_tells_the_time_inside_the_perimeter(evaluate, tmp_path):
+    command = ("benchmark", "--env", "LeopardSharkStandoff-v0", *SHORT, "--out", tmp_path / "out")
+    assert evaluate(*command, "--set", "reward.perimeter=80", "--policies", "pursuit", "pursuit:0")[0] == 0
+    figures = read_json(tmp_path / "out/benchmark.json")["policies"]
+    assert 0 < figures["pursuit"]["inside_perimeter"]["value"] <= figures["pursuit:0"]["inside_perimeter"]["value"] <= 1
+
+
+def test_benchmark_runs_on_a_recorded_track(evaluate, tmp_path):
+    rows = "".join(f"{second},{0.4 * second},0\n" for second in range(400))
+    (tmp_path / "track.csv").write_text("t_unix_s,x,y\n" + rows)
+    command = ("benchmark", *SHORT, "--tracks", tmp_path / "track.csv", "--time-scale", "0.5", "--policies", "circle")
+    assert evaluate(*command, "--out", tmp_path / "out")[0] == 0
+    assert read_json(tmp_path / "out/config.json")["time_scale"] == 0.5
+
+
+def test_default_folder_is_under_runs(evaluate, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert evaluate("benchmark", *SHORT, "--policies", "pursuit")[0] == 0
+    (made,) = (tmp_path / "runs").iterdir()
+    assert made.name.startswith("benchmark-LeopardShark-v0-")
+    assert (made / "benchmark.json").is_file()
+
+
+def test_tune_finds_the_radius_on_seeds_that_no_benchmark_uses(evaluate, tmp_path, monkeypatch):
+    seeds = []
+    from tagtrack.eval import comparison
+
+    def spy(task, maker, *, seed, episodes, **rest):
+        seeds.append((seed, seed + episodes))
+        return roll_out(task, maker, seed=seed, episodes=episodes, **rest)
+
+    roll_out = comparison.roll_out
+    monkeypatch.setattr(comparison, "roll_out", spy)
+    command = ("tune", *SHORT, "--policy", "circle", "--values", "10", "90", "--seed", "3")
+    status, out, _ = evaluate(*command, "--out", tmp_path / "tune.json")
+    assert status == 0
+    largest_benchmark_seed = block_seed(SeedBlock.BENCHMARK, 2**31 - 1) + 10**6
+    assert seeds == [(block_seed(SeedBlock.TUNING, 3), block_seed(SeedBlock.TUNING, 3) + 6)] * 2
+    assert all(first > largest_benchmark_seed for first, _ in seeds)
+    result = read_json(tmp_path / "tune.json")
+    assert [row["policy"] for row in result["values"]] == ["circle:10", "circle:90"]
+    best = min(result["values"], key=lambda row: row["mean_error_m"]["value"])
+    assert result["best"] == best["policy"]
+    assert best["best_over_this"]["value"] == 1
+    assert f"best: {best['policy']}, mean error" in out
+
+
+@pytest.mark.parametrize(
+    ("asked", "specs"),
+    [
+        (("--policy", "three_step", "--values", "5"), ["three_step:5"]),
+        (("--policy", "information:hold=8", "--values", "2"), ["information:hold=8,horizon=2"]),
+        (("--policy", "information", "--parameter", "hold", "--values", "2"), ["information:hold=2"]),
+    ],
+)
+def test_tune_takes_any_number_of_any_baseline(evaluate, tmp_path, asked, specs):
+    assert evaluate("tune", *SHORT, "--episodes", "2", *asked, "--out", tmp_path / "tune.json")[0] == 0
+    assert [row["policy"] for row in read_json(tmp_path / "tune.json")["values"]] == specs
+
+
+def test_tradeoff_draws_heuristics_and_runs(evaluate, tmp_path, save_run):
+    runs = [save_run(tmp_path / name, speed_control=True) for name in ("weight_1", "weight_3")]
+    command = ("tradeoff", *SHORT, "--episodes", "3", "--perimeters", "10", "30", "--radii", "25", "--runs", *runs)
+    status, out, _ = evaluate(*command, "--out", tmp_path / "out")
+    assert status == 0
+    assert "three_step:perimeter=10" in out
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["tradeoff.json", "tradeoff.md", "tradeoff.png"]
+    result = read_json(tmp_path / "out/tradeoff.json")
+    assert result["env"] == "TagTrack/LeopardSharkStandoff-v0"
+    assert result["perimeter"] == 20
+    labels = {title: [point["label"] for point in points] for title, points in result["curves"].items()}
+    assert labels == {
+        "three_step, perimeters": ["10 m", "30 m"],
+        "circle, radii": ["25 m"],
+        "learned": ["weight_1", "weight_3"],
+    }
+    for points in result["curves"].values():
+        assert all(point["inside_perimeter"]["value"] is not None for point in points)
+
+
+def test_consistency_stands_beside_table_ii(evaluate, tmp_path):
+    status, out, _ = evaluate("consistency", *SHORT, "--policy", "circle:20", "--out", tmp_path / "out")
+    assert status == 0
+    assert "e < sigma [%]" in out
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["calibration.png", "consistency.json"]
+    result = read_json(tmp_path / "out/consistency.json")
+    assert result["table_ii"]["e_below_sigma"] == 0.42
+    assert set(result["table_ii"]) < set(result["figures"])
+    inside = [result["figures"][f"inside_{percent}"]["value"] for percent in (50, 90, 99)]
+    assert 0 <= inside[0] <= inside[1] <= inside[2] <= 1
+
+
+def test_speed_gives_every_row_beside_the_reference(evaluate, tmp_path):
+    command = ("speed", "--num-worlds", "1", "4", "--threads", "1", "2", "--particles", "100", "--rounds", "1")
+    status, out, _ = evaluate(*command, "--seconds", "0.02", "--json", tmp_path / "speed.json")
+    assert status == 0
+    assert "Reference:" in out
+    result = read_json(tmp_path / "speed.json")
+    assert result["reference_particle_updates_per_s"] > 0
+    rows = [(row["kind"], row["num_worlds"], row["threads"]) for row in result["rows"]]
+    combinations = [(1, 1), (4, 1), (4, 2)]  # two threads for one world are left out
+    assert rows == [
+        *(("filter", *each) for each in combinations),
+        *(("env", *each) for each in combinations),
+        ("vector", 4, 1),
+        ("gym", 1, 1),
+    ]
+    for row in result["rows"]:
+        assert {"env", "num_worlds", "particles", "threads", "env_steps_per_s", "ratio_to_reference"} <= set(row)
+        assert row["particle_updates_per_s"] == pytest.approx(100 * row["env_steps_per_s"])
+
+
+def test_help_names_every_command_and_nothing_else_happens(tmp_path):
+    done = run_eval(cwd=tmp_path)
+    assert done.returncode == 2
+    for command in ("benchmark", "tune", "tradeoff", "consistency", "speed"):
+        assert command in done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("command", ["benchmark", "tune", "tradeoff", "consistency", "speed"])
+def test_help_of_a_command_ends_well(evaluate, command):
+    status, out, _ = evaluate(command, "--help")
+    assert status == 0
+    assert "--env" in out
+    assert "--set" in out

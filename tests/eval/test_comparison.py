@@ -1,0 +1,97 @@
+"""compare: paired by construction, deterministic, and checked before the first step."""
+
+import numpy as np
+import pytest
+
+from tagtrack.baselines.registry import make_baseline
+from tagtrack.eval import compare
+from tagtrack.eval.comparison import typical_episodes
+from tagtrack.eval.contestants import find_makers, name_contestants
+from tagtrack.eval.metrics import paired_ratio
+from tagtrack.eval.rollout import SeedBlock
+
+
+def test_a_policy_against_itself_is_exactly_even(task):
+    comparison = compare(task, {"one": "circle:30", "other": "circle:30"}, episodes=6)
+    ratio = comparison.ratios["one/other"]
+    assert (ratio.value, ratio.low, ratio.high) == (1.0, 1.0, 1.0)
+    np.testing.assert_array_equal(comparison.records["one"].error, comparison.records["other"].error)
+
+
+def test_arrays_and_figures_belong_together(task):
+    comparison = compare(task, ["stationary", "pursuit"], episodes=4, seed=9)
+    assert list(comparison.records) == list(comparison.summaries) == ["stationary", "pursuit"]
+    assert comparison.records["pursuit"].error.shape == (4, task.scenario.episode_steps)
+    assert comparison.summaries["pursuit"]["mean_error_m"].value == pytest.approx(
+        comparison.records["pursuit"].error.mean()
+    )
+    assert comparison.ratios["stationary/pursuit"] == paired_ratio(*comparison.records.values())
+    document = comparison.document({"tagtrack": "0"})
+    assert (document["env"], document["episodes"], document["seed"], document["particles"]) == ("custom", 4, 9, 60)
+
+
+def test_an_id_a_policy_and_a_maker_will_do_too(task, save_run, tmp_path):
+    given = {
+        "spec": "pursuit",
+        "maker": lambda simulation: make_baseline("pursuit", simulation),
+        "policy": AlwaysAhead(),
+        "folder": save_run(tmp_path / "run"),
+    }
+    comparison = compare(task, given, episodes=2)
+    np.testing.assert_array_equal(comparison.records["maker"].error, comparison.records["spec"].error)
+    np.testing.assert_allclose(comparison.records["policy"].error, comparison.records["spec"].error, atol=1e-2)
+    assert comparison.records["folder"].error.shape == comparison.records["spec"].error.shape
+
+
+class AlwaysAhead:
+    """Pursuit by hand."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return np.tile(np.float32([1, 0]), (len(observation), 1)), None
+
+
+def test_particles_change_the_task_of_an_id():
+    comparison = compare("LeopardShark-v0", ["pursuit"], episodes=1, particles=20)
+    assert comparison.env == "TagTrack/LeopardShark-v0"
+    assert comparison.task.scenario.belief.particles == 20
+
+
+def test_tuning_and_benchmark_meet_other_fish(task):
+    tuned = compare(task, ["circle"], episodes=2, block=SeedBlock.TUNING)
+    benchmarked = compare(task, ["circle"], episodes=2)
+    assert not np.any(tuned.records["circle"].range == benchmarked.records["circle"].range)
+
+
+def test_all_policies_are_checked_before_the_first_step(task):
+    steps = []
+    with pytest.raises(ValueError, match="radius must be positive"):
+        compare(task, ["pursuit", "circle:-1"], episodes=1, on_step=lambda name, done: steps.append(done))
+    assert not steps
+
+
+@pytest.mark.parametrize("spec", [3, None, [1.0]])
+def test_what_is_no_policy_is_refused(task, spec):
+    with pytest.raises(ValueError, match="a policy is a baseline, a folder"):
+        find_makers({"x": spec}, task, "")
+
+
+def test_a_run_goes_by_its_folders_name(tmp_path):
+    assert name_contestants(["circle:40", f"{tmp_path}/runs/first/"]) == {
+        "circle:40": "circle:40",
+        "first": f"{tmp_path}/runs/first/",
+    }
+
+
+def test_typical_episodes_are_the_middle_one_and_a_hard_one(task):
+    comparison = compare(task, ["pursuit"], episodes=20)
+    errors = comparison.mean_errors()["pursuit"]
+    chosen = typical_episodes(comparison)
+    assert (errors < errors[chosen["median"]]).sum() == 9  # (20 - 1) // 2 are better
+    assert (errors < errors[chosen["hard"]]).sum() == 18  # 95 % of 19
+
+
+def test_importing_the_package_loads_neither_torch_nor_matplotlib(run_python):
+    code = "import sys, tagtrack.eval as e; e.compare; print([m for m in ('torch', 'matplotlib') if m in sys.modules])"
+    assert run_python(code).strip() == "[]"
+    bare = "import sys, tagtrack.eval; print([m for m in ('numpy', 'numba', 'tyro') if m in sys.modules])"
+    assert run_python(bare).strip() == "[]"
