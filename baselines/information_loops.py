@@ -1,19 +1,21 @@
 """The compiled loop of the ``information`` planner: what the next pings are expected to tell about the particles.
 
-It knows no model of its own: what a reading says of a bearing, and how far sound carries, come in tables.
+It knows no model of its own: what a reading says of a bearing, and how far sound carries, come in tables. It must not call
+compiled functions of ``tagtrack.envs``: outside that package numba's cache would not notice that they have changed.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
 
 f32 = np.float32
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz", "arcp"}, error_model="numpy")
+@compiled
 def add_up_information(x, y, own_x, own_y, ahead_x, ahead_y, chance, likelihood, entropy, information):
     """Sum over pings of the mutual information between a reading and the particles, times the chance of hearing it.
 
@@ -22,7 +24,7 @@ def add_up_information(x, y, own_x, own_y, ahead_x, ahead_y, chance, likelihood,
 
     Args:
         x, y: (B, M) float32 particles [m].
-        own_x, own_y, ahead_x, ahead_y: (B, K, P) float32 the vehicle's place [m] and the unit vector of its heading at each ping
+        own_x, own_y, ahead_x, ahead_y: (B, K, P) float32 place [m] of the vehicle and unit vector of its heading at each ping
             of each candidate.
         chance: (R,) float32 chance that a ping is usable, by distance in metres; the last entry counts for all beyond.
         likelihood: (A, Z) float32 p(z|x), by the cosine of the bearing to a particle, in A equal bins from -1 to 1.

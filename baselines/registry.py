@@ -50,8 +50,8 @@ def make_baseline(specification: str, simulation: Simulation) -> Heuristic:
     """The policy that a specification names, for the vehicles of a simulation.
 
     Args:
-        specification: ``NAME``, ``NAME:VALUE`` or ``NAME:KEY=VALUE,KEY=VALUE``; metres, seconds, degrees (``three_step``'s tau). A
-            perimeter that is not given is the scenario's, where the speed can be chosen, else none.
+        specification: ``NAME``, ``NAME:VALUE`` or ``NAME:KEY=VALUE,KEY=VALUE``, in metres, seconds and, for the tau of
+            ``three_step``, degrees. A perimeter that is not given is the scenario's where the speed can be chosen, else none.
         simulation: what the policy will steer; only those that know more than the observation keep it.
     Raises:
         ValueError: for an unknown name or parameter, listing what exists, or a bad value, naming it.
@@ -75,9 +75,7 @@ def _find_baseline(name: str) -> type[Heuristic]:
     return BASELINES[name]
 
 
-def _read_values(
-    name: str, text: str, known: Mapping[str, dataclasses.Field[Any]], specification: str
-) -> dict[str, Any]:
+def _read_values(name: str, text: str, known: Mapping[str, dataclasses.Field[Any]], specification: str) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for part in text.split(","):
         key, equals, value = part.rpartition("=")

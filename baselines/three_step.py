@@ -30,11 +30,13 @@ class ThreeStep(Heuristic):
     """Steers 45 degrees to port of the belief, 45 degrees to starboard and straight, each until the heading is within ``tau``.
 
     Where the speed can be chosen, it lies motionless, its heading as it is, within ``perimeter`` of the belief's mean. After a
-    silence it circles where the belief is, ever wider, until the next detection; then, as after lying still, it begins with step 0.
+    silence it circles where the belief is, ever wider, until the next detection. After either it begins with step 0.
     """
 
-    # tau [rad], which the paper leaves open: TAU_NOTE
-    tau: float = field(default=math.radians(20.0), metadata={"from_text": math.radians})
+    # Tolerance on the heading [rad], which the paper leaves open. This one had the least mean error in LeopardShark-v0 over 1,024
+    # tuning episodes: 13.7 m at 5 degrees, 12.8 at 10, 12.2 at 15, 11.9 at 20, 25 and 30, 11.75 at 35, 11.8 at 40, 12.0 at 45.
+    # A smaller one spends its time on the last degrees of a turn, away from the fish. In text it is in degrees.
+    tau: float = field(default=math.radians(35.0), metadata={"from_text": math.radians})
     perimeter: float = 0.0  # [m]; 0: none
     patience: float = 30.0  # silence that starts the search [s]: the longest gap that is part of normal tracking (6.2)
     search_growth: float = 0.2  # of the search circle's radius [m/s]
@@ -71,4 +73,4 @@ class ThreeStep(Heuristic):
         vehicle = self.scenario.vehicle
         smallest = max(self.perimeter, vehicle.max_speed / vehicle.max_turn_rate)
         radius = smallest + self.search_growth * np.maximum(sighting.silence - self.patience, 0.0)
-        return circling_course(sighting.distance, radius, vehicle)
+        return circling_course(sighting.distance, radius, self.scenario)

@@ -19,7 +19,7 @@ from tagtrack.envs.reward import judge
 from tagtrack.envs.sim.acoustics import listen, open_contact, pings_within
 from tagtrack.envs.sim.motion import MotionKind, start_swimming, swim
 from tagtrack.envs.sim.tracks import begin_replay, choose_first_ping, follow_track
-from tagtrack.envs.sim.vehicle import launch, steer
+from tagtrack.envs.sim.vehicle import hold_course, launch
 
 # A world's own numbers: its seed, the episode and the step it is in. They key every random draw.
 WORLD = np.dtype([("seed", np.uint64), ("episode", np.uint64), ("step", np.int64)])
@@ -123,7 +123,7 @@ def steer_vehicles(b, actions, worlds, p, stream):
         vehicle = worlds.vehicles[b, v]
         belief = worlds.beliefs[b, 0 if shared else v, 0]
         course, speed = decode_action(actions[b, v], vehicle, belief, p.vehicle.max_speed, p.speed_control)
-        steer(vehicle, course, speed, stream, v, p.vehicle, p.time_step)
+        hold_course(vehicle, course, speed, stream, v, p.vehicle, p.time_step)
 
 
 @compiled

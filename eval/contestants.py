@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tagtrack.baselines.registry import BASELINES, make_baseline
+from tagtrack.envs.observation import action_names, feature_names
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.rollout import PolicyMaker
@@ -49,20 +51,22 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
         ValueError: for an unknown baseline, a wrong number behind its colon, a policy of another layout or a damaged file.
         FileNotFoundError: for a folder without a policy.
     """
+    # Folders and unknown names first: a simulation may have to be compiled.
+    makers = {name: _find_maker(spec, task, env_id) for name, spec in specs.items()}
     simulation = Simulation(task.scenario, track=task.track)
-    return {name: _find_maker(spec, simulation, env_id) for name, spec in specs.items()}
+    for maker in makers.values():
+        maker(simulation)
+    return makers
 
 
-def _find_maker(spec: PolicySpec, simulation: Simulation, env_id: str) -> PolicyMaker:
+def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> PolicyMaker:
     if isinstance(spec, (str, os.PathLike)):
         if isinstance(spec, str) and _is_baseline(spec):
-            make_baseline(spec, simulation)
-            return lambda batch: make_baseline(spec, batch)
-        return _always(_load(Path(spec), simulation, env_id))
+            return lambda simulation: make_baseline(spec, simulation)
+        return _always(_load(Path(spec), task.scenario, env_id))
     if hasattr(spec, "predict"):
         return _always(spec)
     if callable(spec):
-        spec(simulation)
         return spec
     raise ValueError(f"a policy is a baseline, a folder, or something with a predict method, got {spec!r}")
 
@@ -71,13 +75,13 @@ def _always(policy: Policy) -> PolicyMaker:
     return lambda batch: policy
 
 
-def _load(folder: Path, simulation: Simulation, env_id: str) -> Policy:
+def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
     if not folder.exists():
         raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
     return load_policy(
         folder,
-        [feature.name for feature in simulation.features],
-        action_names=simulation.action_names,
+        feature_names(scenario.targets),
+        action_names=action_names(scenario.speed_control),
         env_id=env_id,
     )
 

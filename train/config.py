@@ -59,11 +59,11 @@ class PPOSettings:
 
     steps: int = 4_500_000
     num_envs: int = 256
-    rollout: int = 16384  # steps of all worlds together between updates
-    batch_size: int = 4096
+    rollout: int = 8192  # steps of all worlds together between updates
+    batch_size: int = 1024
     epochs: int = 4
     learning_rate: float = 1e-3  # falls linearly to a tenth
-    gamma: float = 0.99
+    gamma: float = 0.985
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     entropy: float = 0.0

@@ -23,7 +23,7 @@ from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out
 from tagtrack.policies.export import from_stable_baselines3
 from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy
-from tagtrack.train.config import PPOSettings, SACSettings, Settings
+from tagtrack.train.config import PPOSettings, Settings
 from tagtrack.train.run_folder import RunFolder
 
 

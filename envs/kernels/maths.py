@@ -29,7 +29,7 @@ def sin_of_turns(t):
 
 @compiled
 def fast_log(x):
-    """Natural logarithm of a positive normal float32, absolute error below 1e-6."""
+    """Natural logarithm of a positive normal float32, error below 2e-7 of the larger of 1 and the result."""
     bits = f32(x).view(i32)
     # Take the mantissa in [sqrt(1/2), sqrt(2)), so that the polynomial's argument m is centred on zero.
     exponent = (bits - i32(0x3F3504F3)) >> i32(23)
@@ -47,7 +47,7 @@ def fast_log(x):
 
 @compiled
 def fast_exp(x):
-    """exp(x) for x <= 80, relative error below 4e-6 (the argument's rounding); 0 below -87."""
+    """exp(x) for x <= 80, relative error below 5e-6 (the argument's rounding); 1.2e-38 at most below -87.3."""
     y = max(x * f32(1.44269504), f32(-126.0))
     whole = np.floor(y + f32(0.5))
     f = y - whole

@@ -24,6 +24,7 @@ class Vehicle:
     acceleration: float = 0.3  # largest change of speed [m/s^2]
     max_turn_rate: float = 0.15  # [rad/s]: with the high-drag frame a circle of some 9 m at full speed
     heading_gain: float = 0.25  # P control of the heading (4.2) [1/s]
+    control_interval: float = 1.0  # of the heading controller (4.2) [s]; a step is cut into so many, evenly
     compass_sigma: float = 0.03  # [rad]
     fix_interval: float = 60.0  # time from one GPS fix at the surface to the next [s]; 0: always at the surface
     fix_sigma: float = 1.0  # of a GPS fix, each axis [m]
@@ -33,7 +34,7 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain"):
+        for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain", "control_interval"):
             require(getattr(self, name) > 0, self, name, "positive")
         for name in ("compass_sigma", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
@@ -66,8 +67,16 @@ def launch(vehicle, stream, index, parameters):
 
 
 @compiled
+def hold_course(vehicle, course, speed, stream, index, parameters, time_step):
+    """Hold a course [rad] and a speed [m/s] for one time step, correcting at the control interval."""
+    ticks = max(1, int(round(time_step / parameters.control_interval)))
+    for tick in range(ticks):
+        steer(vehicle, course, speed, stream, index * ticks + tick, parameters, time_step / ticks)
+
+
+@compiled
 def steer(vehicle, course, speed, stream, index, parameters, time_step):
-    """One step of P control towards a course [rad] and a speed [m/s]: the compass is what the controller sees."""
+    """One correction by P control towards a course [rad] and a speed [m/s]: the compass is what the controller sees."""
     vehicle.course = course
     turn_rate = parameters.heading_gain * wrap_angle(course - vehicle.compass)
     turn_rate = min(max(turn_rate, -parameters.max_turn_rate), parameters.max_turn_rate)

@@ -153,7 +153,7 @@ def test_noisiest_readings_stay_within_nine_units():
 
 @pytest.mark.parametrize("off_bow", [10, 60, 90, 150])
 def test_port_and_starboard_give_the_same_readings(off_bow):
-    """The sign of the side is unknown: with the same noise even each single reading is the same, with other noise its distribution."""
+    """The sign of the side is unknown: with the same noise each single reading is the same, with other noise the distribution."""
     port = readings(bearing=math.radians(off_bow))[1]
     np.testing.assert_array_equal(readings(bearing=-math.radians(off_bow))[1], port)
     starboard = readings(bearing=-math.radians(off_bow), seed=1)[1]

@@ -149,4 +149,3 @@ def test_numbers_do_not_depend_on_whether_the_code_was_compiled_now_or_before(ru
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compiled_now, from_the_cache = run_python(DIGEST, "step first"), run_python(DIGEST, "step first")
     assert compiled_now == from_the_cache
-

@@ -128,7 +128,8 @@ def test_no_speed_is_beyond_the_largest(name):
 @pytest.mark.parametrize("name", MOTIONS)
 def test_fish_and_particles_move_by_the_same_rule(name):
     """Four thousand fish, each a row of one in its own world, against a row of particles: distance covered after 30 s."""
-    simulation = Simulation(dataclasses.replace(Scenario(), fish=MOTIONS[name], belief=one_particle()), 4000)
+    scenario = dataclasses.replace(Scenario(), time_step=1.0, fish=MOTIONS[name], belief=one_particle())
+    simulation = Simulation(scenario, 4000)
     simulation.reset(seed=1)
     start = simulation.fish_position[:, 0].copy()
     for _ in range(30):

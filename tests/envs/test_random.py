@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tagtrack.envs.kernels import random as kernel_random
 from tagtrack.envs.kernels.random import (
     PURPOSES,
     ROUNDS,
@@ -23,7 +24,6 @@ from tagtrack.envs.kernels.random import (
     philox,
     uniform_pair,
 )
-from tagtrack.envs.kernels import random as kernel_random
 
 KNOWN_ANSWERS = [  # Random123, tests/kat_vectors: rounds, counter, key, answer
     (10, "00000000 00000000 00000000 00000000", "00000000 00000000", "6627e8d5 e169c58d bc57ac4c 9b00dbd8"),

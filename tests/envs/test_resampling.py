@@ -190,7 +190,7 @@ for exponent in (*range(-45, -24), *range(25, 38)):
 
 
 def test_weights_at_the_ends_of_float32_never_lead_out_of_the_row(run_python):
-    """Where 2^30 divided by the sum, or 2^30 times a weight, is more than float32 holds: nothing changes, or a valid row comes out."""
+    """Where 2^30 over the sum, or 2^30 times a weight, is more than float32 holds: no change, or a valid row."""
     run_python(EXTREME)
 
 

@@ -13,12 +13,21 @@ from scipy import stats
 from tagtrack.envs.belief.filter import Belief
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle, steer
+from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle, hold_course, steer
 from tagtrack.envs.simulation import Simulation
 
 ERRORS = 4.0
 WORLDS = 4000
-EXACT = Vehicle(compass_sigma=0.0, fix_sigma=0.0, drift_sigma=0.0)  # knows where it is and where it points
+# Knows where it is and where it points; its limits stand here, so that the tests can say them.
+EXACT = Vehicle(
+    max_speed=1.3,
+    acceleration=0.3,
+    max_turn_rate=0.26,
+    heading_gain=0.5,
+    compass_sigma=0.0,
+    fix_sigma=0.0,
+    drift_sigma=0.0,
+)
 
 
 class Boat:
@@ -74,7 +83,7 @@ def test_heading_error_decays_by_the_gain_at_every_step(gain, time_step):
         assert 1.2 - boat.heading == pytest.approx((1 - gain * time_step) ** n, abs=1e-12)
 
 
-def test_error_at_the_default_gain_halves_every_second():
+def test_error_halves_every_second_at_a_gain_of_one_half():
     boat = Boat(heading=0.0)
     for n in range(1, 6):
         boat.steer(course=0.5)
@@ -99,7 +108,7 @@ def test_vehicle_turns_the_shorter_way(heading, course, side):
 
 @pytest.mark.parametrize("time_step", [0.25, 1.0])
 def test_no_turn_is_faster_than_the_largest_turn_rate(time_step):
-    boat = Boat(Vehicle(compass_sigma=0.3), time_step=time_step)  # even where the compass is wild
+    boat = Boat(dataclasses.replace(EXACT, compass_sigma=0.3), time_step=time_step)  # even where the compass is wild
     for n in range(200):
         before = boat.heading
         boat.steer(course=3.0 * math.sin(n))
@@ -132,6 +141,20 @@ def test_vehicle_turning_all_the_time_runs_a_circle():
         assert math.hypot(boat.x, boat.y - centre_y) == pytest.approx(centre_y)
 
 
+@pytest.mark.parametrize(("time_step", "corrections"), [(0.5, 1), (1.0, 1), (2.0, 2), (5.0, 5)])
+def test_heading_is_corrected_at_the_control_interval_however_long_a_step(time_step, corrections):
+    """The paper's controller runs at 1 Hz (4.2); a policy may choose a course more seldom."""
+    boat = Boat(time_step=time_step)
+    held = boat.state.copy()
+    stream = (np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(1))
+    hold_course(held[0], 0.4, 1.0, stream, 0, boat.parameters, time_step)
+    for _ in range(corrections):
+        steer(boat.state[0], 0.4, 1.0, stream, 0, boat.parameters, time_step / corrections)
+    for name in ("x", "y", "heading", "speed", "believed_x", "believed_y"):
+        assert held[name][0] == pytest.approx(boat.state[name][0], abs=1e-12)
+    assert 0.4 - boat.heading == pytest.approx(0.4 * (1 - 0.5 * time_step / corrections) ** corrections)
+
+
 def test_controller_sees_the_compass_and_not_the_true_heading():
     boat = Boat(heading=0.0)
     boat.state["compass"] = 0.1
@@ -158,7 +181,7 @@ def test_vehicles_start_at_rest_at_the_origin_on_any_heading():
 
 
 def test_first_position_is_a_gps_fix_independent_of_the_compass():
-    start = fleet(Vehicle(fix_sigma=2.0), steps=1)[0]
+    start = fleet(Vehicle(fix_sigma=2.0, compass_sigma=0.03), steps=1)[0]
     errors = np.stack([start["believed_x"] / 2.0, start["believed_y"] / 2.0, turned(start["compass"] - start["heading"]) / 0.03])
     for row in errors:
         assert stats.kstest(row, "norm").pvalue > 1e-4
@@ -189,6 +212,19 @@ def test_a_fix_at_every_interval_resets_the_error():
         assert np.var(error[step + 1]) == pytest.approx(0.25 + 1.0, rel=ERRORS * math.sqrt(2 / WORLDS))
         assert not states["since_fix"][step].any()
     assert abs(np.corrcoef(error[10], error[20])[0, 1]) < ERRORS / math.sqrt(WORLDS)
+
+
+def test_long_steps_draw_noise_of_their_own_for_every_correction():
+    """Two corrections a step: drift and compass as in two steps of half the length, and two vehicles share no draw."""
+    states = fleet(Vehicle(fix_interval=1e6, fix_sigma=0.0, drift_sigma=0.25, compass_sigma=0.03), steps=4, time_step=2.0)
+    assert np.var(states["believed_x"][4] - states["x"][4]) == pytest.approx(0.5, rel=ERRORS * math.sqrt(2 / WORLDS))
+    scenario = dataclasses.replace(Scenario(), vehicles=2, time_step=2.0, belief=Belief(particles=1))
+    simulation = Simulation(scenario, WORLDS)
+    simulation.reset(seed=0)
+    simulation.step(np.zeros((WORLDS, 2, 2)))
+    vehicles = simulation.worlds.vehicles
+    errors = np.concatenate([(vehicles["believed_x"] - vehicles["x"]).T, turned(vehicles["compass"] - vehicles["heading"]).T])
+    assert np.abs(np.corrcoef(errors) - np.eye(4)).max() < ERRORS / math.sqrt(WORLDS)
 
 
 def test_vehicle_that_stays_at_the_surface_has_a_fix_at_every_step():

@@ -25,12 +25,13 @@ def task() -> Task:
 
 @pytest.fixture
 def evaluate(capsys) -> Callable[..., tuple[int, str, str]]:
-    """Run a command line; returns exit status, standard output and standard error."""
+    """Run a command line; returns exit status, standard output and standard error (without the word about compiling)."""
 
     def run(*arguments: str | Path) -> tuple[int, str, str]:
         status = main([str(argument) for argument in arguments])
         shown = capsys.readouterr()
-        return status, shown.out, shown.err
+        errors = [line for line in shown.err.splitlines(keepends=True) if not line.startswith("TagTrack compiles")]
+        return status, shown.out, "".join(errors)
 
     return run
 

@@ -2,8 +2,6 @@
 
 import errno
 import resource
-import subprocess
-import sys
 
 import pytest
 
@@ -44,7 +42,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--policies", "circle", "circle"), "two policies go by the name 'circle'"),
         (("--policies", "pursuit", "circle:far"), "radius must be a number, got 'far'"),
         (("--policies", "circle:nan"), "radius must be finite, got nan"),
-        (("--policies", "circle:size=3"), "circle has no parameter size"),
+        (("--policies", "circle:size=3"), "circle has no parameter 'size'; it has radius"),
         (("--particles", "0"), "particles must be a whole number of at least 1, got 0"),
         (("--episodes", "0"), "--episodes must be at least 1, got 0"),
         (("--threads", "0"), "--threads must be at least 1, got 0"),
@@ -70,7 +68,6 @@ def test_benchmark_names_the_value_and_the_way_out(refused, arguments, complaint
         (("tune", *SHORT, "--policy", "stationary"), "stationary has no number to tune"),
         (("tune", *SHORT, "--policy", "random"), "no usual range for seed of random; give --values"),
         (("tune", *SHORT, "--values", "10", "-10"), "radius must be positive, got -10"),
-        (("tune", *SHORT, "--values", "10", "10"), "two policies go by the name 'circle:10'"),
         (("tune", *SHORT, "--out", "missing/tune.json"), "make the folder"),
         (("tradeoff", *SHORT, "--env", "LeopardShark-v0"), "has no perimeter to keep"),
         (("tradeoff", *SHORT, "--heuristics", "random"), "random has neither a perimeter nor a radius"),
@@ -143,17 +140,21 @@ def test_full_disk_leaves_no_file_and_no_folder(evaluate, tmp_path, monkeypatch,
     assert out.exists() == existing
 
 
-def test_a_disk_that_fills_up_in_the_middle_of_a_file(tmp_path):
+def test_a_disk_that_fills_up_in_the_middle_of_a_file(evaluate, tmp_path, monkeypatch):
     """A limit on file sizes stands for the full disk: the JSON fits in, the first picture does not."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
 
-    def limit():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+    def fill_up():  # called between the roll-outs, which may write their compiled code, and the first file
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, limits[1]))
+        return {}
 
-    command = [sys.executable, "-m", "tagtrack.eval", "benchmark", *SHORT, "--policies", "pursuit", "--out", "out"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=limit)
-    assert done.returncode == 2, done.stderr
-    assert "error: [Errno 27] File too large" in done.stderr
-    assert "pursuit" in done.stdout  # the table is not lost
+    monkeypatch.setattr(benchmark, "collect_versions", fill_up)
+    try:
+        status, out, err = evaluate("benchmark", *SHORT, "--policies", "pursuit", "--out", "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (status, err) == (2, "error: [Errno 27] File too large\n")
+    assert "pursuit" in out  # the table is not lost
     assert not list(tmp_path.iterdir())
 
 

@@ -71,10 +71,11 @@ def test_benchmark_again_replaces_the_earlier_one_and_gives_the_same(evaluate, t
 
 
 def test_standoff_tells_the_time_inside_the_perimeter(evaluate, tmp_path):
-    command = ("benchmark", "--env", "LeopardSharkStandoff-v0", *SHORT, "--out", tmp_path / "out")
-    assert evaluate(*command, "--set", "reward.perimeter=80", "--policies", "pursuit", "pursuit:0")[0] == 0
-    figures = read_json(tmp_path / "out/benchmark.json")["policies"]
-    assert 0 < figures["pursuit"]["inside_perimeter"]["value"] <= figures["pursuit:0"]["inside_perimeter"]["value"] <= 1
+    command = ("benchmark", "--env", "LeopardSharkStandoff-v0", *SHORT, "--policies", "pursuit", "--out", tmp_path / "out")
+    for perimeter, inside in ((1000, 1.0), (0.001, 0.0)):
+        assert evaluate(*command, "--set", f"reward.perimeter={perimeter}")[0] == 0
+        figures = read_json(tmp_path / "out/benchmark.json")["policies"]["pursuit"]
+        assert figures["inside_perimeter"]["value"] == inside
 
 
 def test_benchmark_runs_on_a_recorded_track(evaluate, tmp_path):
