@@ -50,7 +50,7 @@ class Information(InformedHeuristic):
     horizon: int = 12  # pings: fewer do not see beyond the turn, more change nothing (LeopardShark-v0, tuning episodes)
     hold: float = 4.0  # time for which a course is held [s]
     courses: int = 12  # K
-    sample: int = 96  # particles that stand for all
+    sample: int = 64  # particles that stand for all
     perimeter: float = 0.0  # about the mean of the belief [m]; 0: none
     _chance: np.ndarray = field(init=False, repr=False)
     _likelihood: np.ndarray = field(init=False, repr=False)

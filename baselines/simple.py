@@ -43,7 +43,7 @@ class Draw(NamedTuple):
     """What the action that each world holds was drawn from, each (B,)."""
 
     key: np.ndarray  # uint64: what the episode's draws come from
-    draws: np.ndarray  # so far
+    drawn: np.ndarray  # how many so far
     age: np.ndarray  # time since the last draw [s]
 
 
@@ -65,16 +65,16 @@ class Random(Heuristic):
 
     def begin(self, sighting: Sighting) -> Draw:
         key = mix_bits(sighting.heading.view(np.uint64) ^ mix_bits(np.full(1, self.seed % 2**64, np.uint64)))
-        return Draw(key=key, draws=np.zeros(len(key), np.int64), age=np.zeros(len(key)))
+        return Draw(key=key, drawn=np.zeros(len(key), np.int64), age=np.zeros(len(key)))
 
     def choose(self, sighting: Sighting, memory: Draw) -> tuple[np.ndarray, np.ndarray, Draw]:
         over = memory.age > self.hold - 1e-6
-        draws = memory.draws + over
+        drawn = memory.drawn + over
         age = np.where(over, 0.0, memory.age) + self.scenario.time_step
-        bits = mix_bits(memory.key + draws.astype(np.uint64))
+        bits = mix_bits(memory.key + drawn.astype(np.uint64))
         course = (bits >> np.uint64(32)).astype(np.float64) * (2.0 * math.pi / 2**32)
         speed = (bits & np.uint64(2**32 - 1)).astype(np.float64) / 2**32
-        return course - sighting.line, speed, Draw(key=memory.key, draws=draws, age=age)
+        return course - sighting.line, speed, Draw(key=memory.key, drawn=drawn, age=age)
 
 
 def mix_bits(bits: np.ndarray) -> np.ndarray:

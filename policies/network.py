@@ -83,7 +83,8 @@ class NetworkPolicy:
         for array in weights.values():
             array.setflags(write=False)
         layers = tuple(
-            (weights[f"hidden.{layer}.weight"], weights[f"hidden.{layer}.bias"]) for layer in range(len(self.hidden))
+            (weights[f"{name}.weight"].astype(np.float64), weights[f"{name}.bias"].astype(np.float64))
+            for name in (*(f"hidden.{layer}" for layer in range(len(self.hidden))), "mean")
         )
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "_layers", layers)
@@ -103,20 +104,21 @@ class NetworkPolicy:
     ) -> tuple[np.ndarray, None]:
         """The mean action, or a draw from the policy's own generator; as `Policy.predict` says.
 
-        A row's mean does not depend on the other rows but for the rounding of float32 sums.
+        Sums are float64 and the action is rounded to float32 at the end, because a sum in float32 depends on the size of the
+        batch in its last digits, and a particle filter soon turns a last digit into another episode.
 
         Raises:
             ValueError: if the observation has another shape, or is NaN or infinite somewhere (the feature is named).
         """
         latent = self._checked_rows(observation)
         activate = ACTIVATIONS[self.activation]
-        for weight, bias in self._layers:
+        *hidden, (mean_weight, mean_bias) = self._layers
+        for weight, bias in hidden:
             latent = activate(latent @ weight + bias)
-        action = latent @ self.weights["mean.weight"] + self.weights["mean.bias"]
+        action = latent @ mean_weight + mean_bias
         if not deterministic:
-            noise = self._generator.standard_normal(action.shape, dtype=np.float32)
-            action += np.exp(self._log_std(latent)) * noise
-        action = np.tanh(action) if self.squash == "tanh" else np.clip(action, -1, 1)
+            action += np.exp(self._log_std(latent)) * self._generator.standard_normal(action.shape)
+        action = (np.tanh(action) if self.squash == "tanh" else np.clip(action, -1, 1)).astype(np.float32)
         return (action[0] if np.ndim(observation) == 1 else action), None
 
     def _log_std(self, latent: np.ndarray) -> np.ndarray:
@@ -127,8 +129,8 @@ class NetworkPolicy:
         return np.clip(log_std, LOG_STD_MIN, LOG_STD_MAX)
 
     def _checked_rows(self, observation: np.ndarray) -> np.ndarray:
-        """(B, D) float32 rows of a (B, D) or (D,) observation."""
-        rows = np.asarray(observation, dtype=np.float32)
+        """(B, D) float64 rows of a (B, D) or (D,) observation."""
+        rows = np.asarray(observation, dtype=np.float64)
         features = len(self.observation_features)
         if rows.ndim not in (1, 2) or rows.shape[-1] != features:
             raise ValueError(

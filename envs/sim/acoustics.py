@@ -1,8 +1,8 @@
 """Tag, water and stereo-hydrophone receiver of Clark et al. 2013: when a ping is heard, and what the receiver then reads.
 
-A usable signal needs both hydrophones. Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the hull's
-own noise), so that the rate of usable signals ranges over some 3 to 25 a minute and gaps reach 30 s (6.2; Lin et al. 2013, III.B).
-"""
+A usable signal needs both hydrophones. Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the
+hull's own noise), so that the rate of usable signals ranges over some 3 to 25 a minute and gaps reach 30 s (6.2; Lin et al.
+2013, III.B). """
 
 from __future__ import annotations
 
@@ -64,9 +64,10 @@ class StereoHydrophone:
             require(getattr(self, name) > 0, self, name, "positive")
 
 
-# What one vehicle hears of one tag. `units` [Lotek] and `strength` are the last reading, NaN before the first; `silence` is the
-# time since then [s]; `noisy` tells a burst of losses; `heard_lately` and `heard_long` are averages of detections over pings, `port` the
-# share of particles to port, `cos_lately` and `sin_lately` averages of the belief's bearing relative to the heading.
+# What one vehicle hears of one tag. `units` [Lotek] and `strength` are the last reading, NaN before the first; `silence` is
+# the time since then [s]; `noisy` tells a burst of losses; `heard_lately` and `heard_long` are averages of detections over
+# pings, `port` the share of particles to port, `cos_lately` and `sin_lately` averages of the belief's bearing relative to
+# the heading.
 CONTACT = np.dtype(
     [
         ("pinged", np.bool_),

@@ -1,4 +1,4 @@
-"""Angles and bearings in the plane: x east, y north, angles in radians, counter-clockwise from x; a positive bearing is to port."""
+"""Angles and bearings in the plane: x east, y north, radians counter-clockwise from x; a positive bearing is to port."""
 
 from __future__ import annotations
 

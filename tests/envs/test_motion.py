@@ -226,11 +226,12 @@ def test_brownian_steps_have_no_memory():
 @pytest.mark.parametrize("gamma", [0.001, 0.01, 0.1, 1.0])
 def test_levy_step_is_half_cauchy_with_scale_gamma_times_the_time_step(gamma, time_step):
     """The distribution of Eq. 4 on l > 0 is 2/pi atan(l / gamma); its median is gamma. Below the cut every quantile holds."""
-    shoal = Shoal(LevyFlight(gamma=gamma, max_speed=1000.0 * gamma), time_step)
+    count = 200_000
+    shoal = Shoal(LevyFlight(gamma=gamma, max_speed=1000.0 * gamma), time_step, count)
     shoal.swim()
     steps = shoal.distance / time_step
     # The median of n draws: standard error 1/(2 f sqrt(n)) with the density f = 1/(pi gamma) there.
-    assert np.median(steps) == pytest.approx(gamma, rel=ERRORS * math.pi / (2 * math.sqrt(COUNT)))
+    assert np.median(steps) == pytest.approx(gamma, rel=ERRORS * math.pi / (2 * math.sqrt(count)))
     assert stats.kstest(2 / math.pi * np.arctan(steps / gamma), "uniform", mode="asymp").pvalue > 1e-4
     assert_uniform(np.arctan2(shoal.y, shoal.x), -math.pi, math.pi)
 
