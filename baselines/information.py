@@ -47,7 +47,7 @@ class Information(InformedHeuristic):
     counts. Of the courses that keep out of the perimeter the best is taken; failing these the one that intrudes least.
     """
 
-    horizon: int = 12  # pings: fewer do not see beyond the turn, more change nothing (LeopardShark-v0, tuning episodes)
+    horizon: int = 12  # pings: fewer end within the turn, more change nothing (LeopardShark-v0, tuning episodes)
     hold: float = 4.0  # time for which a course is held [s]
     courses: int = 12  # K
     sample: int = 64  # particles that stand for all

@@ -13,6 +13,7 @@ from tagtrack.envs.kernels.compiling import compiled
 f32 = np.float32
 i32 = np.int32
 FIXED_POINT = f32(2.0**30)
+LEAST_TOTAL = f32(1e-28)  # below it, 2^30 over the sum is more than float32 holds
 
 
 @compiled
@@ -46,9 +47,10 @@ def accumulate(fixed):
 @compiled
 def find_first_pointers(fixed, total, offset):
     """Replace each sum by the number of the first pointer at or past it; pointer j stands at (j + offset) * total / N."""
+    last = i32(fixed.shape[0])  # particles without weight at the row's end: the dump
     pointers_per_unit = np.float64(fixed.shape[0]) / np.float64(total)
     for i in range(fixed.shape[0]):
-        fixed[i] = i32(np.ceil(np.float64(fixed[i]) * pointers_per_unit - offset))
+        fixed[i] = min(i32(np.ceil(np.float64(fixed[i]) * pointers_per_unit - offset)), last)
 
 
 @compiled
@@ -103,10 +105,10 @@ def resample(particles, weight, fixed, parent, children, offset):
         particles: (4, N) float32, replaced. weight: (N,) float32, not normalized. fixed: (N,) and parent: (N + 1,) int32,
             children: (N,) float32: scratch; afterwards ``fixed`` holds each particle's first child.
     Returns:
-        False, with nothing changed, where no weight is positive or the sum is not finite.
+        False, with nothing changed, where the sum of the weights is below 1e-28 or not finite: they say nothing.
     """
     total = total_weight(weight)
-    if not (total > f32(0.0) and total < f32(np.inf)):
+    if not (total > LEAST_TOTAL and total < f32(np.inf)):
         return False
     quantize(weight, fixed, total)
     find_first_pointers(fixed, accumulate(fixed), offset)

@@ -2,7 +2,8 @@
 
 A usable signal needs both hydrophones. Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the
 hull's own noise), so that the rate of usable signals ranges over some 3 to 25 a minute and gaps reach 30 s (6.2; Lin et al.
-2013, III.B). """
+2013, III.B).
+"""
 
 from __future__ import annotations
 
@@ -126,11 +127,12 @@ def change_water(contact, stream, index, water, time_step):
     """Bursts begin and end without memory (a Gilbert-Elliott channel)."""
     chance, _ = uniform_pair(stream, WATER, index)
     leave = min(1.0, time_step / water.noisy_duration)
-    if contact.noisy:
-        contact.noisy = chance >= leave or water.noisy_share >= 1.0
-    else:
-        enter = leave * water.noisy_share / (1.0 - water.noisy_share) if water.noisy_share < 1.0 else 1.0
-        contact.noisy = chance < enter
+    enter = leave * water.noisy_share
+    stay_clear = 1.0 - water.noisy_share
+    if enter > stay_clear:  # clear spells would be shorter than a step: one step each, and longer bursts, keep the share
+        leave = stay_clear / water.noisy_share
+        enter = stay_clear
+    contact.noisy = chance >= leave if contact.noisy else chance * stay_clear < enter
 
 
 @compiled

@@ -54,12 +54,12 @@ VEHICLE = np.dtype(
 def launch(vehicle, stream, index, parameters):
     """Put a vehicle at rest at the origin of its world, on a random heading, with a fresh GPS fix."""
     error_x, error_y = normal_pair(stream, START, 16 * index)
-    turn, _ = normal_pair(stream, START, 16 * index + 1)
+    turn, compass_error = normal_pair(stream, START, 16 * index + 1)
     vehicle.x = 0.0
     vehicle.y = 0.0
     vehicle.speed = 0.0
     vehicle.heading = wrap_angle(turn * 10.0 * math.pi)  # so wide a normal is uniform on the circle
-    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * error_x)
+    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * compass_error)
     vehicle.believed_x = parameters.fix_sigma * error_x
     vehicle.believed_y = parameters.fix_sigma * error_y
     vehicle.since_fix = 0.0

@@ -97,7 +97,7 @@ def test_reward_is_the_sum_of_its_terms_and_minus_the_capped_error() -> None:
         _, reward, _, _, info = env.step(np.array([1.0, 0.0, 1.0], np.float32))
         terms = info["reward_terms"]
         assert reward == sum(terms.values())
-        assert terms["localization"] == -min(info["localization_error"], 50.0) / 50.0
+        assert terms["localization"] == -min(info["localization_error"], 100.0) / 100.0
         assert terms["standoff"] == pytest.approx(-(1.0 - info["range"] / 500.0))
 
 
@@ -200,7 +200,7 @@ def test_fish_swims_a_recorded_track_at_the_chosen_speed(tmp_path: Path, time_sc
     assert 20.0 <= np.hypot(*start) <= 100.0
     for _ in range(100):
         env.step(AHEAD)
-    assert np.hypot(*(env.simulation.fish_position[0, 0] - start)) == pytest.approx(100 * speed, abs=1e-3)
+    assert np.hypot(*(env.simulation.fish_position[0, 0] - start)) == pytest.approx(100 * 2.0 * speed, abs=1e-3)  # steps of 2 s
 
 
 def test_replay_of_a_scenario_keeps_its_own_time_scale(tmp_path: Path) -> None:
