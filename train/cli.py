@@ -37,6 +37,7 @@ def parse(arguments: list[str]) -> TrainConfig:
 
 def run(config: TrainConfig) -> int:
     """One training run, new or resumed."""
+    from tagtrack.eval.rollout import SeedBlock, block_seed
     from tagtrack.train.run_folder import RunFolder
 
     if config.resume is not None:
@@ -47,6 +48,7 @@ def run(config: TrainConfig) -> int:
     find_settings(config)
     build_task_of(config)  # refuse what cannot be run before a folder is made
     check_device(config.device)
+    block_seed(SeedBlock.TRAINING, config.seed)  # refuse a seed out of range
     folder = RunFolder.create(config.out, f"{env_id.split('/')[1]}-{config.algo}-seed{config.seed}")
     return train(config, folder, resume=False)
 

@@ -57,12 +57,12 @@ class TrainConfig:
 class PPOSettings:
     """Proximal policy optimization, for a fast batch of worlds on one core."""
 
-    steps: int = 4_500_000
+    steps: int = 3_000_000
     num_envs: int = 256
     rollout: int = 8192  # steps of all worlds together between updates
     batch_size: int = 1024
     epochs: int = 4
-    learning_rate: float = 1e-3  # falls linearly to a tenth
+    learning_rate: float = 7e-4  # falls linearly to a tenth
     gamma: float = 0.985
     gae_lambda: float = 0.95
     clip_range: float = 0.2

@@ -102,7 +102,7 @@ if SourceStampedCache not in CacheImpl._locator_classes:
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows.
 
-    A kernel called straight from Python before the first ``Simulation`` is made stays linked in that version, which may differ
-    in the last bit from the one optimized within the step: make a simulation first where runs are compared bit for bit.
+    Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of
+    a direct call or that of the step, and two optimizations of one loop may differ in the last bit.
     """
-    return numba.njit(cache=True, nogil=True, fastmath=FAST_MATHS, error_model="numpy")(function)
+    return numba.njit(cache=True, forceinline=True, nogil=True, fastmath=FAST_MATHS, error_model="numpy")(function)

@@ -13,7 +13,7 @@ from tagtrack.envs.kernels.compiling import compiled
 f32 = np.float32
 i32 = np.int32
 FIXED_POINT = f32(2.0**30)
-LEAST_TOTAL = f32(1e-28)  # below it, 2^30 over the sum is more than float32 holds
+LEAST_TOTAL, LARGEST_TOTAL = f32(1e-28), f32(1e28)  # beyond them, products with 2^30 are more than float32 holds
 
 
 @compiled
@@ -105,10 +105,10 @@ def resample(particles, weight, fixed, parent, children, offset):
         particles: (4, N) float32, replaced. weight: (N,) float32, not normalized. fixed: (N,) and parent: (N + 1,) int32,
             children: (N,) float32: scratch; afterwards ``fixed`` holds each particle's first child.
     Returns:
-        False, with nothing changed, where the sum of the weights is below 1e-28 or not finite: they say nothing.
+        False, with nothing changed, where the sum of the weights is not within 1e-28 to 1e28, or NaN.
     """
     total = total_weight(weight)
-    if not (total > LEAST_TOTAL and total < f32(np.inf)):
+    if not (total > LEAST_TOTAL and total < LARGEST_TOTAL):
         return False
     quantize(weight, fixed, total)
     find_first_pointers(fixed, accumulate(fixed), offset)

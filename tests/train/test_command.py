@@ -79,7 +79,7 @@ def test_a_killed_run_resumes_from_its_last_checkpoint(tmp_path):
 
 
 def test_ctrl_c_saves_and_says_how_to_resume(tmp_path):
-    command = [sys.executable, "-m", "tagtrack.train", "--steps", "10000000", *SMALL, "--out", "run"]
+    command = [sys.executable, "-m", "tagtrack.train", "--steps", "300000", "--hyper", "rollout=512", *SMALL, "--out", "run"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     wait_for_checkpoint(tmp_path / "run", process)
     process.send_signal(signal.SIGINT)
