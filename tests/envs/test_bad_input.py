@@ -60,7 +60,7 @@ def test_track_shorter_than_an_episode_is_refused_with_the_way_out(tmp_path: Pat
     track.write_text("t_unix_s,x,y\n0,0,0\n100,5,5\n")
     with pytest.raises(ValueError, match="lasts 100 s at time_scale=1, an episode 1200 s; lower time_scale"):
         TagTrackEnv(tracks=track)
-    assert TagTrackEnv(tracks=track, time_scale=0.1, particles=10).simulation.scenario.fish.time_scale == 0.1
+    assert TagTrackEnv(tracks=track, time_scale=0.05, particles=10).simulation.scenario.fish.time_scale == 0.05
 
 
 def test_missing_track_file_is_named(tmp_path: Path) -> None:
