@@ -68,12 +68,14 @@ def build_task(
 
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
-    """Overrides from ``NAME=VALUE`` texts of a command line. Raises ValueError for a text without a name or value."""
+    """Overrides from ``NAME=VALUE`` texts. Raises ValueError for a text without name or value and for a name set twice."""
     overrides = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
             raise ValueError(f"a parameter is set by NAME=VALUE, for instance water.noisy_share=0.3; got {text!r}")
+        if name in overrides:
+            raise ValueError(f"{name} is set twice, to {overrides[name]} and to {value}; drop one")
         overrides[name] = value
     return overrides
 

@@ -38,6 +38,12 @@ class Vehicle:
             require(getattr(self, name) > 0, self, name, "positive")
         for name in ("compass_sigma", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
+        require(
+            self.heading_gain * self.control_interval < 2,
+            self,
+            "heading_gain",
+            f"below 2 / control_interval ({2 / self.control_interval:g}), or the heading swings ever wider",
+        )
 
 
 # One vehicle's state. `x`, `y`, `heading`, `speed` are true; `believed_*` is the position the vehicle believes, `compass` the

@@ -30,6 +30,9 @@ EXACT = Vehicle(
 )
 
 
+SWINGING = "Vehicle.heading_gain must be below 2 / control_interval (2), or the heading swings ever wider, got 2.0"
+
+
 class Boat:
     """One vehicle, steered from Python."""
 
@@ -267,6 +270,7 @@ def test_fix_ends_the_error_that_a_current_has_made():
     [
         ({"max_speed": 0}, "Vehicle.max_speed must be positive, got 0.0"),
         ({"max_turn_rate": -1}, "Vehicle.max_turn_rate must be positive, got -1.0"),
+        ({"heading_gain": 2.0}, SWINGING),
         ({"drift_sigma": -0.1}, "Vehicle.drift_sigma must be at least 0, got -0.1"),
         ({"compass_sigma": math.nan}, "Vehicle.compass_sigma must be finite, got nan"),
         ({"fix_interval": "often"}, "Vehicle.fix_interval must be a number, got 'often'"),

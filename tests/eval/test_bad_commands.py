@@ -51,6 +51,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--set", "tag.period=nan"), "tag.period must be a number, got 'nan'"),
         (("--set", "water.mud=1"), "unknown parameter 'water.mud'; known: time_step,"),
         (("--set", "water"), "NAME=VALUE"),
+        (("--set", "tag.period=2", "--set", "tag.period=4"), "tag.period is set twice, to 2 and to 4; drop one"),
         (("--set", "belief.particles=5"), "--particles"),
         (("--set", "vehicles=3"), "got vehicles=3"),
         (("--tracks", "none.csv"), "no track file none.csv"),
