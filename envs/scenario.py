@@ -61,7 +61,7 @@ class Scenario:
     """
 
     time_step: float = 2.0  # [s]: the period of the tag
-    episode_steps: int = 600  # 20 minutes
+    episode_steps: int = 300  # 10 minutes, as missions stationaryTrackB and C (Table IV)
     vehicles: int = 1
     targets: int = 1  # fish, one tag each
     shared_belief: bool = True  # one belief for all vehicles, or one each

