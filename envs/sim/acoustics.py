@@ -2,7 +2,7 @@
 
 A usable signal needs both hydrophones. Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the
 hull's own noise), so that the rate of usable signals ranges over some 3 to 25 a minute and gaps reach 30 s (6.2; Lin et al.
-2013, III.B): with the defaults a minute has 23 (median; 1 % of them 2 or fewer), and the longest gap of ten minutes is 38 s (median).
+2013, III.B): with the defaults a minute has 23 (median; 1 % of them 2 or fewer), and the longest gap of ten minutes is 38 s.
 """
 
 from __future__ import annotations
