@@ -80,7 +80,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ## Ending
 
     An episode never terminates. It is truncated after the scenario's ``episode_steps`` or ``gym.make``'s
-    ``max_episode_steps``, whichever is less (both 600 as registered): for longer episodes raise both.
+    ``max_episode_steps``, whichever is less (both 300 as registered): for longer episodes raise both.
 
     ## Info
 

@@ -16,5 +16,5 @@ for _id in ("TagTrack/LeopardShark-v0", "TagTrack/LeopardSharkStandoff-v0"):
             entry_point="tagtrack.envs.single:TagTrackEnv",
             vector_entry_point="tagtrack.envs.vector:TagTrackVectorEnv",
             kwargs={"env_id": _id},
-            max_episode_steps=600,  # steps of 2 s; make_vec hands it to the vector env, which truncates by itself
+            max_episode_steps=300,  # steps of 2 s; make_vec hands it to the vector env, which truncates by itself
         )

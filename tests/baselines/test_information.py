@@ -40,7 +40,7 @@ def test_information_is_worth_the_chance_of_hearing_it() -> None:
 
 def test_readings_beyond_the_edge_of_hearing_tell_nothing() -> None:
     chance = tabulate_chance(Water())
-    assert chance[0] == pytest.approx(0.5 * 0.95**2 + 0.5 * 0.15**2, rel=1e-3)
+    assert chance[0] == pytest.approx(0.8 * 0.93**2 + 0.2 * 0.15**2, rel=1e-3)
     assert chance[100] == pytest.approx(chance[0] / 4, rel=0.1)  # at L either hydrophone hears half
     assert chance[-1] < 1e-12
 

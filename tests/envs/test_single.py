@@ -44,7 +44,7 @@ def test_docstring_names_every_id_every_argument_and_the_default_lengths() -> No
     text = TagTrackEnv.__doc__
     assert all(env_id in text for env_id in SCENARIOS)
     assert all(f"{name}:" in text for name in inspect.signature(TagTrackEnv).parameters)
-    assert all(scenario.episode_steps == 600 for scenario in SCENARIOS.values()) and "(both 600 as registered)" in text
+    assert all(scenario.episode_steps == 300 for scenario in SCENARIOS.values()) and "(both 300 as registered)" in text
     assert f"{Reward().error_cap:g} m" in text
     assert re.search(r"\* v0:", text)
 
@@ -84,7 +84,7 @@ def test_info_tells_what_the_simulation_holds() -> None:
         info = env.step(AHEAD)[-1]
     simulation = env.simulation
     assert info["localization_error"] == simulation.error[0, 0, 0]
-    assert info["range"] == np.hypot(*(simulation.fish_position[0, 0] - simulation.vehicle_position[0, 0]))
+    assert info["range"] == pytest.approx(np.hypot(*(simulation.fish_position[0, 0] - simulation.vehicle_position[0, 0])))
     np.testing.assert_array_equal(info["belief_mean"], simulation.mean[0, 0, 0])
     np.testing.assert_array_equal(info["belief_covariance"], simulation.covariance[0, 0, 0])
     np.testing.assert_allclose(info["belief_mean"], simulation.worlds.particles[0, 0, 0, :2].mean(axis=1), rtol=1e-4)
@@ -105,12 +105,12 @@ def test_reward_is_the_sum_of_its_terms_and_minus_the_capped_error() -> None:
 def test_action_steers_relative_to_the_line_to_the_belief(action: tuple[int, int], feature: int, sign: int) -> None:
     """Ahead brings the belief ahead (cosine of its bearing near 1), astern astern; to port of the line it lies to starboard.
 
-    The belief moves, so that the average over ten episodes after 20 s of turning is not quite 1.
+    The belief moves, so that the average over ten episodes after 20 s of turning is not quite 1. Later, the vehicle passes it.
     """
     env, seen = make(particles=300), []
     for seed in range(10):
         env.reset(seed=seed)
-        seen += [env.step(np.array(action, np.float32))[0][feature] for _ in range(40)][20:]
+        seen += [env.step(np.array(action, np.float32))[0][feature] for _ in range(22)][10:]
     assert sign * np.mean(seen) > 0.6
 
 
@@ -138,12 +138,12 @@ def test_first_reset_without_a_seed_draws_one() -> None:
 def test_episode_is_truncated_and_never_terminated() -> None:
     env = gym.make("TagTrack/LeopardShark-v0", particles=10)
     env.reset(seed=0)
-    ends = [env.step(AHEAD)[2:4] for _ in range(600)]
-    assert ends[:-1] == [(False, False)] * 599 and ends[-1] == (False, True)
+    ends = [env.step(AHEAD)[2:4] for _ in range(300)]
+    assert ends[:-1] == [(False, False)] * 299 and ends[-1] == (False, True)
 
 
 @pytest.mark.parametrize(
-    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (700, None, 600), (650, 620, 620)]
+    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (400, None, 300), (350, 320, 320)]
 )
 def test_episode_lasts_the_lesser_of_both_limits(episode_steps: int, max_episode_steps: int, length: int) -> None:
     env = gym.make(

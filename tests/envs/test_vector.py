@@ -119,13 +119,13 @@ def test_lower_of_both_limits_truncates() -> None:
     env = make(max_episode_steps=3)
     env.reset(seed=0)
     assert [bool(env.step(actions)[3].all()) for actions in ACTIONS[:3]] == [False, False, True]
-    assert make(max_episode_steps=600).episode_limit == LIMIT
+    assert make(max_episode_steps=300).episode_limit == LIMIT
 
 
 def test_make_vec_gives_the_native_environment_with_the_registered_limit() -> None:
     env = gym.make_vec("TagTrack/LeopardShark-v0", num_envs=4, vectorization_mode="vector_entry_point", particles=50, threads=2)
     assert isinstance(env, TagTrackVectorEnv) and env.num_envs == 4
-    assert env.episode_limit == 600 and env.spec is not None and env.spec.id == "TagTrack/LeopardShark-v0"
+    assert env.episode_limit == 300 and env.spec is not None and env.spec.id == "TagTrack/LeopardShark-v0"
     assert env.simulation.threads == 2 and env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     env.close()
 
