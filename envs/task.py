@@ -69,7 +69,7 @@ def build_task(
 
 def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
     """Overrides from ``NAME=VALUE`` texts. Raises ValueError for a text without name or value and for a name set twice."""
-    overrides = {}
+    overrides: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
