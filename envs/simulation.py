@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +18,7 @@ from tagtrack.envs.sim.acoustics import CONTACT, StereoHydrophone, Tag, Water
 from tagtrack.envs.sim.motion import MotionRule, Replay
 from tagtrack.envs.sim.tracks import TARGET, Track, resample_track
 from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle
+from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
 
 LARGEST_SEED = 2**63 - 1
@@ -79,15 +79,13 @@ class Simulation:
             observation=np.zeros((b, v, len(self.features)), np.float32),
             terms=np.zeros((b, v, len(REWARD_TERMS))),
         )
-        self._scratch = [make_scratch(particles) for _ in range(self.threads)]
-        self._bounds = np.linspace(0, b, self.threads + 1).astype(int).tolist()
-        self._pool = ThreadPoolExecutor(self.threads) if self.threads > 1 else None
+        self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
         self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
         self._chosen = np.zeros(b, bool)
         self._reset_arguments = (self._chosen, self._parameters, self._track, self.worlds, self.outputs)
         self._step_arguments = (self._parameters, self._track, self._actions, self.worlds, self.outputs)
-        self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._scratch[0])
-        self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._scratch[0])
+        self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
+        self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: np.ndarray | None = None) -> np.ndarray:
         """Begin a new episode: of ``seed`` its first, without a seed the next one.
@@ -108,7 +106,7 @@ class Simulation:
         else:
             clock["seed"][chosen] = self._seeds(seed)[chosen]
             clock["episode"][chosen] = 0
-        self._run(self._reset_worlds, self._reset_arguments)
+        self._workers.run(self._reset_worlds, *self._reset_arguments)
         return self.outputs.observation
 
     def _seeds(self, seed: int | Sequence[int]) -> np.ndarray:
@@ -134,18 +132,7 @@ class Simulation:
         world = find_broken_action(self._actions)
         if world >= 0:
             raise ValueError(f"actions must be finite, got {self._actions[world].tolist()} for world {world}")
-        self._run(self._step_worlds, self._step_arguments)
-
-    def _run(self, kernel: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-        if self._pool is None:
-            kernel(0, self.num_worlds, *arguments, self._scratch[0])
-            return
-        parts = [
-            self._pool.submit(kernel, first, last, *arguments, scratch)
-            for first, last, scratch in zip(self._bounds, self._bounds[1:], self._scratch, strict=False)
-        ]
-        for part in parts:
-            part.result()
+        self._workers.run(self._step_worlds, *self._step_arguments)
 
     @property
     def observation(self) -> np.ndarray:
@@ -213,10 +200,8 @@ class Simulation:
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
-            self.threads = 1
+        self._workers.close()
+        self.threads = 1
 
 
 @compiled

@@ -6,7 +6,6 @@ Both watch a tag at rest from a vehicle that turns on the spot. The row loop is 
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numba
 import numpy as np
@@ -27,6 +26,7 @@ from tagtrack.envs.kernels.compiling import FAST_MATHS
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.sim.acoustics import CONTACT, bearing_in_units
 from tagtrack.envs.sim.vehicle import VEHICLE
+from tagtrack.envs.workers import Workers
 from tagtrack.eval.reference_filter import ReferenceFilter, ReferenceFilterParameters
 
 TIME_STEP = 1.0  # [s]
@@ -76,32 +76,20 @@ class FilterBank:
         self._vehicles = np.zeros(rows, VEHICLE)
         self._contacts = np.zeros(rows, CONTACT)
         self._parameters = to_record(filter_rule(belief, TIME_STEP))
-        self._scratch = [make_scratch(belief.particles) for _ in range(threads)]
-        self._bounds = np.linspace(0, rows, threads + 1).astype(int).tolist()
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self._workers = Workers(rows, threads, lambda: make_scratch(belief.particles))
         self._given = list(zip(HEADINGS.tolist(), readings(), strict=True))
         self._steps = 0
-        spread_rows(self._parameters, self.particles, self.beliefs, self._scratch[0])
+        spread_rows(self._parameters, self.particles, self.beliefs, self._workers.scratch[0])
 
     def step(self) -> None:
         """One prediction, correction and summary of every belief."""
         self._steps += 1
         given = (self._steps, *self._given[self._steps % len(self._given)], self._parameters, self.particles)
-        arrays = self.beliefs, self._vehicles, self._contacts
-        if self._pool is None:
-            update_rows(0, len(self.beliefs), *given, *arrays, self._scratch[0])
-            return
-        parts = [
-            self._pool.submit(update_rows, first, last, *given, *arrays, scratch)
-            for first, last, scratch in zip(self._bounds, self._bounds[1:], self._scratch, strict=False)
-        ]
-        for part in parts:
-            part.result()
+        self._workers.run(update_rows, *given, self.beliefs, self._vehicles, self._contacts)
 
     def close(self) -> None:
         """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        self._workers.close()
 
 
 class ReferenceBank:

@@ -38,7 +38,7 @@ class Tradeoff:
     """Baselines; each takes the perimeters or, where it has none, the radii."""
     perimeters: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (10, 15, 20, 30, 40)
     """Perimeters they keep [m]."""
-    radii: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (15, 20, 30, 40, 50)
+    radii: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (15, 20, 25, 30, 35, 40, 50)
     """Radii they circle at [m]."""
     runs: Annotated[tuple[str, ...], tyro.conf.arg(metavar="RUN ...", help_behavior_hint="(none)")] = ()
     """Folders of training runs, for instance at several weights of the stand-off term."""

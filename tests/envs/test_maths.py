@@ -133,7 +133,7 @@ simulation.reset(0)
 digest = hashlib.sha256()
 for _ in range(60):
     simulation.step(np.ones((8, 1, 2)))
-    digest.update(simulation.worlds.particles.tobytes() + simulation._scratch[0].weight.tobytes())
+    digest.update(simulation.worlds.particles.tobytes() + simulation._workers.scratch[0].weight.tobytes())
 print(digest.hexdigest())
 """
 
