@@ -42,7 +42,7 @@ FLOORS = (
     ("sim",),
     ("belief",),
     ("scenario",),
-    ("observation", "reward"),
+    ("observation", "reward", "workers"),
     ("world",),
     ("simulation",),
     ("legend", "task"),

@@ -76,7 +76,7 @@ class PPOSettings:
 class SACSettings:
     """Soft actor-critic: fewer steps, more work on each."""
 
-    steps: int = 600_000
+    steps: int = 300_000
     num_envs: int = 64
     buffer: int = 300_000
     learning_starts: int = 6_400
