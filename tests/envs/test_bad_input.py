@@ -58,7 +58,7 @@ def test_bad_time_scale_is_named(tmp_path: Path, time_scale: float) -> None:
 def test_track_shorter_than_an_episode_is_refused_with_the_way_out(tmp_path: Path) -> None:
     track = tmp_path / "track.csv"
     track.write_text("t_unix_s,x,y\n0,0,0\n100,5,5\n")
-    with pytest.raises(ValueError, match="lasts 100 s at time_scale=1, an episode 1200 s; lower time_scale"):
+    with pytest.raises(ValueError, match="lasts 100 s at time_scale=1, an episode 600 s; lower time_scale"):
         TagTrackEnv(tracks=track)
     assert TagTrackEnv(tracks=track, time_scale=0.05, particles=10).simulation.scenario.fish.time_scale == 0.05
 
