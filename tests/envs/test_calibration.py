@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tagtrack.envs.belief.calibration import (
     TICK,
@@ -129,6 +131,18 @@ def test_a_slip_of_less_than_a_tick_is_within_the_standard_error(period):
         found = calibrate(ticks * TICK).by_line
         scores.append(abs(found.period - period) / found.standard_error)
     assert max(scores) < 3
+
+
+@given(st.lists(st.sampled_from([4.0, 3.9901, 4.0099, 8.0, 0.04875, 3.95125, 2.0, 1e-9, 1e6, 1e15]), min_size=2, max_size=12))
+def test_any_record_gives_finite_numbers_or_a_refusal(steps):
+    try:
+        found = calibrate(np.append(0.0, np.cumsum(steps)))
+    except ValueError:
+        return
+    for estimate in (found.by_line, found.by_differences):
+        assert 1.9 < estimate.period < 4.1
+        assert 0 < estimate.standard_error < 0.1
+    assert np.isfinite(found.clock.first_ping)
 
 
 @pytest.mark.parametrize(
