@@ -42,12 +42,13 @@ FLOORS = (
     ("sim",),
     ("belief",),
     ("scenario",),
-    ("observation", "reward"),
+    ("observation", "overrides", "presets", "reward"),
     ("world",),
     ("simulation",),
     ("legend", "task"),
     ("rendering",),
     ("single", "vector", "parallel"),
+    ("range_only", "area_only"),
     ("",),  # envs/__init__.py, which gathers the names that users import
 )
 
