@@ -38,7 +38,7 @@ MASMITJA2023 = Scenario(
     episode_steps=200,
     vehicle=replace(STEPWISE, random_current=0.3),
     fish=StraightLegs(max_speed=0.6),
-    start=Start(nearest=0.0, farthest=1000.0, shallowest=15.0, deepest=300.0),
+    start=Start(nearest=40.0, farthest=1000.0, shallowest=15.0, deepest=300.0),
     tag=Tag(period=STEP),
     water=Water(reach=900.0, edge_width=1.0, clear_hearing=0.9, noisy_share=0.0),
     receiver=RangeReceiver(range_sigma=0.0, range_tolerance=1.0, range_factor=1.01),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tagtrack.envs.belief.filter import correct, predict, spread_particles, summarize
-from tagtrack.envs.belief.renewal import renew, scatter_on_ring
+from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring
 from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, uniform_pair
@@ -189,21 +189,24 @@ def update_beliefs(b, worlds, p, stream, scratch):
             belief = worlds.beliefs[b, o, t]
             particles = worlds.particles[b, o, t]
             predict(particles, belief, stream, row, p.belief, p.time_step, scratch)
-            heard = False
+            heard = 0
+            last = 0
             for v in range(worlds.vehicles.shape[1]):
-                vehicle = worlds.vehicles[b, v]
                 contact = worlds.contacts[b, v, t]
                 if (owners == 1 or v == o) and (contact.detected or contact.missed):
-                    if not heard:
-                        if p.receiver.kind == ReceiverKind.RANGE and belief.corrections == 0:
-                            scatter_on_ring(particles, vehicle, contact, stream, row, p.belief, scratch)
-                        else:
-                            renew(particles, belief, stream, row, p.belief)
+                    if heard == 0:
+                        renew(particles, belief, stream, row, p.belief)
                         begin_weights(scratch)
-                        heard = True
-                    weigh(particles, vehicle, contact, p.belief, scratch)
-            if heard:
-                correct(particles, belief, stream, row, p.belief, scratch)
+                    weigh(particles, worlds.vehicles[b, v], contact, p.belief, scratch)
+                    heard += 1
+                    last = v
+            if heard == 0:
+                continue
+            if p.receiver.kind == ReceiverKind.RANGE and (belief.corrections == 0 or is_refuted(scratch.weight, heard, p.belief)):
+                scatter_on_ring(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], stream, row, p.belief, scratch)
+                begin_weights(scratch)
+                weigh(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], p.belief, scratch)
+            correct(particles, belief, stream, row, p.belief, scratch)
 
 
 @compiled

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.maths import sin_of_turns
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus
 from tagtrack.envs.kernels.random import (
     PURPOSES,
@@ -22,15 +23,28 @@ from tagtrack.envs.kernels.random import (
     high_unit,
     uniform_pair,
 )
+from tagtrack.envs.kernels.resample_loops import total_weight
 from tagtrack.envs.kernels.summary_loops import mean_of, variance_about
 
 f32 = np.float32
-RING = 4.0  # half width of the ring of a first range, in its standard deviations
+RING = 4.0  # half width of the ring of a range, in its standard deviations
+LEAST_FIT = 1.0 / 200.0
+
+
+@compiled
+def is_refuted(weight, readings, rule):
+    """Whether ranges fit hardly any particle: of the largest likelihood less than 1/200 is left on average.
+
+    A cloud that covers the fish stays above this until it is some hundred times as wide as a range is sure: a belief so
+    refuted sits in the wrong place, as in the mirror image of the right one.
+    """
+    peak = 1.0 / (math.sqrt(2.0 * math.pi) * rule.receiver.range_sigma)
+    return total_weight(weight) / weight.shape[0] < (rule.weight_floor + LEAST_FIT * peak) ** readings
 
 
 @compiled
 def scatter_on_ring(particles, vehicle, contact, stream, row, rule, scratch):
-    """The first range heard says where the particles must be: on a ring about the vehicle, however few had started there.
+    """A first range, or one that refutes the belief, says where particles must be: on a ring about the vehicle.
 
     They are spread evenly across it, so that the weighing that follows gives them the range's own density.
     """
@@ -42,8 +56,8 @@ def scatter_on_ring(particles, vehicle, contact, stream, row, rule, scratch):
     largest = max(middle + width, contact.depth + width)
     scatter_on_annulus(
         particles[0], particles[1], scratch.bits, f32(vehicle.believed_x), f32(vehicle.believed_y),
-        f32(math.sqrt(least * least - contact.depth * contact.depth)),
-        f32(math.sqrt(largest * largest - contact.depth * contact.depth)),
+        f32(math.sqrt(max((least - contact.depth) * (least + contact.depth), 0.0))),
+        f32(math.sqrt(max((largest - contact.depth) * (largest + contact.depth), 0.0))),
     )  # fmt: skip
 
 
@@ -57,10 +71,11 @@ def renew(particles, belief, stream, row, rule):
     spread = rule.receiver.max_range_spread
     for k in range(count):
         i = k * particles.shape[1] // count
-        area, turn = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k)
-        distance = rule.renewed_radius * math.sqrt(area)
-        particles[0, i] = belief.estimate_x + distance * math.cos(2.0 * math.pi * turn)
-        particles[1, i] = belief.estimate_y + distance * math.sin(2.0 * math.pi * turn)
+        area, direction = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k)
+        distance = f32(rule.renewed_radius) * np.sqrt(f32(area))
+        turn = f32(direction) - f32(0.5)
+        particles[0, i] = f32(belief.estimate_x) + distance * sin_of_turns(f32(0.25) - abs(turn))
+        particles[1, i] = f32(belief.estimate_y) + distance * sin_of_turns(turn)
         if particles.shape[0] > 4:
             unit, _ = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k + 1)
             particles[4, i] = rule.receiver.max_range + spread * (2.0 * unit - 1.0)
