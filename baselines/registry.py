@@ -45,7 +45,8 @@ def usual_parameters(scenario: Scenario) -> dict[str, Any]:
     """What a baseline does in a task unless told otherwise, where its own defaults, those of the stereo hydrophone, do not suit.
 
     Ranging: the tuned circle of RangeOnly-v0 and, because one range alone drives the vehicle away, the information of a whole
-    turn. Presence: 0.8 of the working range (Masmitja et al. 2020, Fig. 3C). A search begins after three intervals of silence.
+    turn. Presence: 0.8 of the working range (Masmitja et al. 2020, Fig. 3C); ``pursuit``, ``three_step`` and ``stationary`` run,
+    but stay where every ping is heard and nothing is learned. A search begins after three intervals of silence.
     """
     receiver, time_step = scenario.belief.receiver, scenario.time_step
     if isinstance(receiver, StereoHydrophone):

@@ -67,8 +67,9 @@ def test_spaces_are_finite_float32_boxes(env_id: str, actions: int) -> None:
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (actions,), np.float32)
 
 
-def test_observations_stay_inside_their_bounds_in_bad_water() -> None:
-    env = make(overrides={"water.noisy_share": 0.95})
+@pytest.mark.parametrize("env_id", SCENARIOS)
+def test_observations_stay_inside_their_bounds_in_bad_water(env_id: str) -> None:
+    env = make(env_id=env_id, overrides={"water.noisy_share": 0.95})
     env.action_space.seed(0)
     observation, _ = env.reset(seed=0)
     for _ in range(400):
