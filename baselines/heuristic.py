@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.observation import LENGTH, SILENCE_SCALE, feature_names
+from tagtrack.envs.observation import SCALES, SILENCE_SCALE, feature_names
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.validation import require, settle_numbers
 from tagtrack.envs.simulation import Simulation
@@ -27,7 +27,7 @@ class Sighting(NamedTuple):
     bearing: np.ndarray  # of it relative to the compass heading [rad], positive to port
     heading: np.ndarray  # by the compass [rad]
     silence: np.ndarray  # time since the last detection [s]
-    ping_phase: np.ndarray  # time since the tag last pinged, as a share of its period
+    ping_phase: np.ndarray  # time since the tag last pinged, as a share of its period (of random intervals: see the feature)
 
     @property
     def line(self) -> np.ndarray:
@@ -100,7 +100,7 @@ class Heuristic(abc.ABC):
     @cached_property
     def _columns(self) -> dict[str, int]:
         """Index of each feature in the observation; where there are several tags, the first one's under their plain names."""
-        names = feature_names(self.scenario.targets)
+        names = feature_names(self.scenario.targets, self.scenario.receiver.kind)
         return {name.removeprefix("tag_0."): index for index, name in enumerate(names)}
 
     def _read(self, rows: np.ndarray) -> Sighting:
@@ -111,7 +111,7 @@ class Heuristic(abc.ABC):
             return rows[:, self._columns[name]].astype(np.float64)
 
         return Sighting(
-            distance=LENGTH * column("distance"),
+            distance=SCALES[self.scenario.receiver.kind].length * column("distance"),
             bearing=np.arctan2(column("bearing_sin"), column("bearing_cos")),
             heading=np.arctan2(column("heading_sin"), column("heading_cos")),
             silence=np.expm1(SILENCE_SCALE * column("silence")),

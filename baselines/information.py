@@ -14,12 +14,11 @@ import numpy as np
 
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
-from tagtrack.envs.belief.filter import Belief
-from tagtrack.envs.sim.acoustics import LARGEST_UNIT, Water, bearing_in_units, hearing_chance
+from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
+from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone
 from tagtrack.envs.sim.validation import require
 from tagtrack.envs.sim.vehicle import Vehicle
 
-COSINE_BINS = 2048  # of the tables by bearing: at most 2.5 degrees, a quarter of the receiver's sigma, a bin
 INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any information
 
 
@@ -43,8 +42,9 @@ class Information(InformedHeuristic):
     """Takes, of ``courses`` evenly spaced ones, the one with the highest expected mutual information (greedy).
 
     Summed over the next ``horizon`` pings; each counts by itself, so that what two pings tell alike counts twice. Simplified: the
-    particles rest meanwhile; silence tells nothing, because the filter does not weigh by it; of the readings only the bearing
-    counts. Of the courses that keep out of the perimeter the best is taken; failing these the one that intrudes least.
+    particles rest meanwhile; of a stereo hydrophone only the bearing counts; silence tells nothing, because the filter does not
+    weigh by it, unless the receiver is one of presence. Of the courses that keep out of the perimeter the best is taken; failing
+    these the one that intrudes least.
     """
 
     horizon: int = 12  # pings: fewer end within the turn, more change nothing (LeopardShark-v0, tuning episodes)
@@ -62,8 +62,8 @@ class Information(InformedHeuristic):
             require(getattr(self, name) >= 1, self, name, "a whole number of at least 1")
         require(self.hold > 0, self, "hold", "positive")
         require(self.perimeter >= 0, self, "perimeter", "at least 0")
-        likelihood = tabulate_likelihood(self.scenario.belief)
-        object.__setattr__(self, "_chance", tabulate_chance(self.scenario.water))
+        likelihood = tabulate_likelihood(self.scenario.belief, self.scenario.water)
+        object.__setattr__(self, "_chance", tabulate_chance(self.scenario.water, self.scenario.belief))
         object.__setattr__(self, "_likelihood", likelihood)
         object.__setattr__(self, "_entropy", -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1))
 
@@ -83,7 +83,8 @@ class Information(InformedHeuristic):
     def _plan(self, rows: np.ndarray, line: np.ndarray, ping_phase: np.ndarray) -> np.ndarray:
         """The best course (R,) [rad] for some of the worlds."""
         candidates = line[:, None] + np.arange(self.courses) * (2.0 * math.pi / self.courses)
-        periods = self.scenario.tag.period / self.scenario.time_step
+        tag = self.scenario.tag
+        periods = max((tag.period + 0.5 * tag.random_delay) / self.scenario.time_step, 1.0)  # at most one reading a step
         track = expect_track(
             self.simulation.worlds.vehicles[rows, 0],
             candidates,
@@ -108,10 +109,15 @@ class Information(InformedHeuristic):
         chosen = np.arange(min(self.sample, count)) * count // min(self.sample, count)
         x, y = (particles[rows[:, None], 0, 0, axis, chosen[None, :]] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
+        receiver, depth = self.scenario.belief.receiver, self.simulation.worlds.contacts["depth"][rows, 0, 0]
+        offset = np.zeros(len(rows))
+        if isinstance(receiver, PresenceReceiver):  # the tables are of the range assumed, the belief may know better
+            offset = receiver.max_range - self.simulation.worlds.beliefs["max_range"][rows, 0, 0]
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
-            x, y, *(part.astype(np.float32) for part in ahead), self._chance, self._likelihood, self._entropy, information
-        )
+            *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
+            self._chance, self._likelihood, self._entropy, not isinstance(receiver, StereoHydrophone), information,
+        )  # fmt: skip
         return information.astype(np.float64)
 
 
@@ -139,22 +145,3 @@ def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, ti
         for part, value in zip(track, (x, y, heading), strict=True):
             part[:, :, s] = value
     return track
-
-
-def tabulate_likelihood(belief: Belief) -> np.ndarray:
-    """(A, 19) float32 chance of each reading -9..9 by the cosine of a particle's bearing, as the filter scores it (Eqs. 5, 6)."""
-    cosine = (np.arange(COSINE_BINS) + 0.5) * (2.0 / COSINE_BINS) - 1.0
-    expected = np.array([bearing_in_units.py_func(angle) for angle in np.arccos(cosine)])
-    readings = np.arange(-LARGEST_UNIT, LARGEST_UNIT + 1.0)
-    sigma = belief.receiver.bearing_sigma
-    density = np.exp(-0.5 * ((readings - expected[:, None]) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
-    weight = belief.weight_floor + density
-    return (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
-
-
-def tabulate_chance(water: Water) -> np.ndarray:
-    """(R,) float32 chance that both hydrophones hear a ping, by distance in whole metres, averaged over bursts of losses."""
-    distance = np.arange(math.ceil(water.reach + 20.0 * water.edge_width)) + 0.5
-    # As plain Python, which takes the dataclass where compiled code takes its record.
-    clear, noisy = (np.array([hearing_chance.py_func(d, burst, water) for d in distance]) for burst in (False, True))
-    return ((1.0 - water.noisy_share) * clear**2 + water.noisy_share * noisy**2).astype(np.float32)

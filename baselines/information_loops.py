@@ -16,7 +16,9 @@ f32 = np.float32
 
 
 @compiled
-def add_up_information(x, y, own_x, own_y, ahead_x, ahead_y, chance, likelihood, entropy, information):
+def add_up_information(
+    x, y, own_x, own_y, ahead_x, ahead_y, depth, offset, chance, likelihood, entropy, by_distance, information
+):
     """Sum over pings of the mutual information between a reading and the particles, times the chance of hearing it.
 
     The mutual information is H(E[p(z|x)]) - E[H(p(z|x))] over the readings z of a heard ping, the expectations being over
@@ -26,8 +28,10 @@ def add_up_information(x, y, own_x, own_y, ahead_x, ahead_y, chance, likelihood,
         x, y: (B, M) float32 particles [m].
         own_x, own_y, ahead_x, ahead_y: (B, K, P) float32 place [m] of the vehicle and unit vector of its heading at each ping
             of each candidate.
+        depth: (B,) float32 of the tag below the vehicle [m]. offset: (B,) float32 added to distances before look-up [m].
         chance: (R,) float32 chance that a ping is usable, by distance in metres; the last entry counts for all beyond.
-        likelihood: (A, Z) float32 p(z|x), by the cosine of the bearing to a particle, in A equal bins from -1 to 1.
+        likelihood: (A, Z) float32 p(z|x), by the cosine of the bearing to a particle, in A equal bins from -1 to 1, or
+            ``by_distance`` in whole metres, where the last row counts for all beyond.
         entropy: (A,) float32 entropy of each row of ``likelihood`` [nats].
         information: (B, K) float32, filled [nats].
     """
@@ -47,9 +51,10 @@ def add_up_information(x, y, own_x, own_y, ahead_x, ahead_y, chance, likelihood,
                 for i in range(count):
                     dx = x[b, i] - own_x[b, k, p]
                     dy = y[b, i] - own_y[b, k, p]
-                    distance = np.sqrt(dx * dx + dy * dy + f32(1e-6))
+                    distance = np.sqrt(dx * dx + dy * dy + depth[b] * depth[b] + f32(1e-6))
                     cosine = (dx * ahead_x[b, k, p] + dy * ahead_y[b, k, p]) / distance
-                    row = min(max(int((cosine + f32(1.0)) * half_bins), 0), last_bin)
+                    place = distance + offset[b] if by_distance else (cosine + f32(1.0)) * half_bins
+                    row = min(max(int(place), 0), last_bin)
                     weight = chance[min(int(distance), last_metre)]
                     heard += weight
                     expected_entropy += weight * entropy[row]

@@ -12,6 +12,8 @@ from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
 from tagtrack.baselines.information import Information
 from tagtrack.baselines.simple import Pursuit, Random, Stationary
 from tagtrack.baselines.three_step import ThreeStep
+from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone
 from tagtrack.envs.simulation import Simulation
 
 BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(
@@ -39,6 +41,23 @@ LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
 )
 
 
+def usual_parameters(scenario: Scenario) -> dict[str, Any]:
+    """What a baseline does in a task unless told otherwise, where its own defaults, those of the stereo hydrophone, do not suit.
+
+    Ranging: the tuned circle of RangeOnly-v0 and, because one range alone drives the vehicle away, the information of a whole
+    turn. Presence: 0.8 of the working range (Masmitja et al. 2020, Fig. 3C); ``pursuit``, ``three_step`` and ``stationary`` run,
+    but stay where every ping is heard and nothing is learned. A search begins after three intervals of silence.
+    """
+    receiver, time_step = scenario.belief.receiver, scenario.time_step
+    if isinstance(receiver, StereoHydrophone):
+        return {}
+    usual = {"patience": max(30.0, 3.0 * max(scenario.tag.longest_interval, time_step)), "hold": max(10.0, time_step)}
+    if isinstance(receiver, PresenceReceiver):
+        return {**usual, "radius": 0.8 * receiver.working_range, "horizon": 6}
+    slowest_turn = scenario.vehicle.max_speed / scenario.vehicle.max_turn_rate
+    return {**usual, "radius": max(40.0, slowest_turn), "horizon": 24}
+
+
 def baseline_parameters(name: str) -> dict[str, dataclasses.Field[Any]]:
     """The parameters that a specification may set."""
     kind = _find_baseline(name)
@@ -51,7 +70,8 @@ def make_baseline(specification: str, simulation: Simulation) -> Heuristic:
 
     Args:
         specification: ``NAME``, ``NAME:VALUE`` or ``NAME:KEY=VALUE,KEY=VALUE``, in metres, seconds and, for the tau of
-            ``three_step``, degrees. A perimeter that is not given is the scenario's where the speed can be chosen, else none.
+            ``three_step``, degrees. A perimeter that is not given is the scenario's where the speed can be chosen, else none;
+            the others that are not given are those of ``usual_parameters``.
         simulation: what the policy will steer; only those that know more than the observation keep it.
     Raises:
         ValueError: for an unknown name or parameter, listing what exists, or a bad value, naming it.
@@ -61,6 +81,7 @@ def make_baseline(specification: str, simulation: Simulation) -> Heuristic:
     values = _read_values(name, text, known, specification) if colon else {}
     if "perimeter" in known and simulation.scenario.speed_control:
         values.setdefault("perimeter", simulation.scenario.reward.perimeter)
+    values = {key: value for key, value in usual_parameters(simulation.scenario).items() if key in known} | values
     kind = BASELINES[name]
     given = {"simulation": simulation} if issubclass(kind, InformedHeuristic) else {"scenario": simulation.scenario}
     try:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tagtrack.envs.sim.receivers import ReceiverKind
 from tagtrack.envs.simulation import Simulation
 
 PANEL = 250  # width [pixels]
@@ -25,6 +26,12 @@ FAN = (243, 218, 158)
 VEHICLE_SHAPE = np.array([(13, 0), (6, 5), (-9, 5), (-13, 0), (-9, -5), (6, -5)])
 FISH_SHAPE = np.array([(11, 0), (5, 4), (-2, 4), (-7, 1), (-12, 5), (-12, -5), (-7, -1), (-2, -4), (5, -4)])
 CROSS = np.array([(8, 2), (2, 2), (2, 8), (-2, 8), (-2, 2), (-8, 2), (-8, -2), (-2, -2), (-2, -8), (2, -8), (2, -2), (8, -2)])
+
+LAST_READINGS = {
+    ReceiverKind.STEREO: "last bearing, both sides",
+    ReceiverKind.RANGE: "last range",
+    ReceiverKind.PRESENCE: "believed range when heard",
+}
 
 
 def paint_shape(surface: Any, shape: np.ndarray, place: Any, colour: Any, size: int, heading: float = 0.0) -> None:
@@ -54,8 +61,8 @@ class Legend:
         """A word in the legend's letters, its upper left corner at a pixel."""
         surface.blit(self._text.render(text, True, colour), place)
 
-    def paint(self, height: int, readings: list[float]) -> Any:
-        """A surface (PANEL, height); ``readings`` are the last bearings [Lotek units]."""
+    def paint(self, height: int, readings: list[str]) -> Any:
+        """A surface (PANEL, height); ``readings`` are the last ones in words."""
         from pygame import Surface
 
         panel = Surface((PANEL, height))
@@ -64,7 +71,7 @@ class Legend:
         self._explain_shapes(panel)
         return panel
 
-    def _write_numbers(self, panel: Any, readings: list[float]) -> None:
+    def _write_numbers(self, panel: Any, readings: list[str]) -> None:
         """Of a fleet the mean error, the nearest fish and the latest detection."""
         simulation, world = self._simulation, self._world
         contacts = simulation.worlds.contacts[world]
@@ -73,7 +80,7 @@ class Legend:
             "time": f"{seconds // 60:02d}:{seconds % 60:02d}",
             "range": f"{contacts['range'].min():.0f} m",
             "last heard": f"{contacts['silence'].min():.0f} s ago" if readings else "not yet",
-            "reading": " ".join(f"{units:+.0f}" for units in readings[:4]) or "none",
+            "reading": " ".join(readings[:4]) or "none",
         }
         self.write(panel, "error of the estimate", (20, 22), FAINT)
         panel.blit(self._headline.render(f"{simulation.error[world].mean():.1f} m", True, INK), (20, 42))
@@ -86,7 +93,7 @@ class Legend:
 
         x, rows = 34, [250 + 34 * k for k in range(7)]
         words = ["vehicle and track", "fish and track", "particles", "95 % of the belief", "estimate, error"]
-        words += ["last bearing, both sides"]
+        words += [LAST_READINGS[self._simulation.scenario.receiver.kind]]
         paint_shape(panel, VEHICLE_SHAPE, (x, rows[0]), VEHICLE, 1)
         paint_shape(panel, FISH_SHAPE, (x, rows[1]), FISH, 1)
         for right, down in ((-9, -3), (-3, 4), (1, -5), (3, 2), (8, -1), (-5, -2)):

@@ -25,7 +25,7 @@ from tagtrack.envs.legend import (
     Legend,
     paint_shape,
 )
-from tagtrack.envs.sim.acoustics import bearing_in_units
+from tagtrack.envs.sim.receivers import ReceiverKind, StereoHydrophone, bearing_in_units
 from tagtrack.envs.simulation import Simulation
 
 FRAMES_PER_SECOND = 20
@@ -62,7 +62,8 @@ class Picture:
     def _begin(self) -> None:
         self._vehicle_track: list[np.ndarray] = []
         self._fish_track: list[np.ndarray] = []
-        self._readings: dict[tuple[int, int], tuple[np.ndarray, float, float]] = {}  # where, compass, units
+        # Where, compass, and units, or the horizontal range [m].
+        self._readings: dict[tuple[int, int], tuple[np.ndarray, float, float]] = {}
         self._low = np.full(2, -NEAREST_VIEW)
         self._high = np.full(2, NEAREST_VIEW)
 
@@ -76,11 +77,24 @@ class Picture:
         for v, t in np.argwhere(simulation.detected[world]).tolist():
             vehicle = simulation.worlds.vehicles[world, v]
             place = np.array([vehicle["believed_x"], vehicle["believed_y"]])
-            units = float(simulation.worlds.contacts["units"][world, v, t])
-            self._readings[v, t] = (place, float(vehicle["compass"]), units)
+            self._readings[v, t] = (place, float(vehicle["compass"]), self._reading(v, t))
         for points in (self._vehicle_track[-1], self._fish_track[-1], self._particles()):
             self._low = np.minimum(self._low, points.min(axis=0))  # the view only widens, so that it holds still
             self._high = np.maximum(self._high, points.max(axis=0))
+
+    def _reading(self, v: int, t: int) -> float:
+        """Lotek units, or the distance [m] that the reading tells: of a presence receiver the range believed."""
+        worlds, world = self._simulation.worlds, self._world
+        contact, kind = worlds.contacts[world, v, t], self._simulation.scenario.receiver.kind
+        if kind == ReceiverKind.STEREO:
+            return float(contact["units"])
+        if kind == ReceiverKind.RANGE:
+            return math.sqrt(max(float(contact["slant_range"]) ** 2 - float(contact["depth"]) ** 2, 0.0))
+        return float(worlds.beliefs["max_range"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
+
+    def _tell_readings(self) -> list[str]:
+        stereo = self._simulation.scenario.receiver.kind == ReceiverKind.STEREO
+        return [f"{value:+.0f}" if stereo else f"{value:.0f} m" for _, _, value in self._readings.values()]
 
     def paint(self) -> np.ndarray:
         """The picture, (MAP, MAP + PANEL, 3) uint8."""
@@ -121,7 +135,7 @@ class Picture:
         self._centre = 0.5 * (self._low + self._high)
         self._scale = SIDE / (1.12 * float((self._high - self._low).max()))  # pixels of the canvas per metre
         self._paint_water()
-        self._paint_fans()
+        self._paint_readings()
         self._paint_tracks()
         self._paint_particles()
         self._paint_beliefs()
@@ -129,7 +143,7 @@ class Picture:
         picture = pygame.Surface((MAP + PANEL, MAP))
         picture.blit(pygame.transform.smoothscale(self._canvas, (MAP, MAP)), (0, 0))
         self._write_scale(picture)
-        picture.blit(self._legend.paint(MAP, [units for _, _, units in self._readings.values()]), (MAP, 0))
+        picture.blit(self._legend.paint(MAP, self._tell_readings()), (MAP, 0))
         return picture
 
     def _bar(self) -> float:
@@ -147,20 +161,25 @@ class Picture:
             self._pygame.draw.line(self._canvas, GRID, (x, 0), (x, SIDE), FINE)
             self._pygame.draw.line(self._canvas, GRID, (0, y), (SIDE, y), FINE)
 
-    def _paint_fans(self) -> None:
-        """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides."""
-        scenario = self._simulation.scenario
-        sigma = scenario.belief.receiver.bearing_sigma
+    def _paint_readings(self) -> None:
+        """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, or a ring at its range."""
+        receiver = self._simulation.scenario.belief.receiver
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
-        for (v, t), (place, compass, units) in self._readings.items():
+        for (v, t), (place, compass, reading) in self._readings.items():
             age = self._simulation.worlds.contacts["silence"][self._world, v, t]
             colour = (*VEHICLE, 20 + 60 * math.exp(-age / 30.0))  # it fades
-            nearer, farther = np.interp((units + sigma, units - sigma), self._units, self._sides)
-            for side in (1.0, -1.0):
-                angles = compass + side * np.linspace(nearer, farther, 24)
-                arc = place + scenario.water.reach * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-                self._pygame.draw.polygon(layer, colour, self._pixel(np.vstack((place, arc))).tolist())
+            if isinstance(receiver, StereoHydrophone):
+                self._paint_fan(layer, colour, place, compass, reading, receiver.bearing_sigma)
+            else:
+                self._pygame.draw.circle(layer, colour, self._pixel(place), reading * self._scale, 4 * FINE)
         self._canvas.blit(layer, (0, 0))
+
+    def _paint_fan(self, layer: Any, colour: Any, place: np.ndarray, compass: float, units: float, sigma: float) -> None:
+        nearer, farther = np.interp((units + sigma, units - sigma), self._units, self._sides)
+        for side in (1.0, -1.0):
+            angles = compass + side * np.linspace(nearer, farther, 24)
+            arc = place + self._simulation.scenario.water.reach * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+            self._pygame.draw.polygon(layer, colour, self._pixel(np.vstack((place, arc))).tolist())
 
     def _paint_tracks(self) -> None:
         for track, colour in ((self._vehicle_track, VEHICLE), (self._fish_track, FISH)):

@@ -12,11 +12,13 @@ import numpy as np
 from tagtrack.envs.belief.filter import BELIEF, FilterRule, covariance, filter_rule, make_scratch
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.observation import Feature, action_names, features
+from tagtrack.envs.observation import SCALES, Feature, Scale, action_names, features
 from tagtrack.envs.scenario import REWARD_TERMS, Reward, Scenario, Start
-from tagtrack.envs.sim.acoustics import CONTACT, StereoHydrophone, Tag, Water
+from tagtrack.envs.sim.acoustics import CONTACT, Water
 from tagtrack.envs.sim.motion import MotionRule, Replay
-from tagtrack.envs.sim.tracks import TARGET, Track, resample_track
+from tagtrack.envs.sim.receivers import ReceiverRule
+from tagtrack.envs.sim.tags import TARGET, Tag
+from tagtrack.envs.sim.tracks import Track, resample_track
 from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle
 from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
@@ -36,9 +38,10 @@ class WorldRule:
     start: Start
     tag: Tag
     water: Water
-    receiver: StereoHydrophone
+    receiver: ReceiverRule
     belief: FilterRule
     reward: Reward
+    scale: Scale
 
 
 class Simulation:
@@ -60,7 +63,7 @@ class Simulation:
         self.scenario = scenario
         self.num_worlds = int(num_worlds)
         self.threads = min(int(threads), self.num_worlds)
-        self.features: tuple[Feature, ...] = features(scenario.targets)
+        self.features: tuple[Feature, ...] = features(scenario.targets, scenario.receiver.kind)
         self.action_names = action_names(scenario.speed_control)
         self._parameters = to_record(_world_rule(scenario))
         self._track = _track_table(scenario, track)
@@ -73,7 +76,7 @@ class Simulation:
             fish=np.zeros((b, t, 4, 1), np.float32),
             contacts=np.zeros((b, v, t), CONTACT),
             beliefs=np.zeros((b, o, t), BELIEF),
-            particles=np.zeros((b, o, t, 4, particles), np.float32),
+            particles=np.zeros((b, o, t, scenario.belief.rows, particles), np.float32),
         )
         self.outputs = Outputs(
             observation=np.zeros((b, v, len(self.features)), np.float32),
@@ -233,9 +236,10 @@ def _world_rule(scenario: Scenario) -> WorldRule:
         start=scenario.start,
         tag=scenario.tag,
         water=scenario.water,
-        receiver=scenario.receiver,
+        receiver=scenario.receiver.rule(),
         belief=filter_rule(scenario.belief, scenario.time_step),
         reward=scenario.reward,
+        scale=SCALES[scenario.receiver.kind],
     )
 
 

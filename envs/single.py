@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -96,6 +96,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     Args:
         env_id: whose scenario; ``gym.make`` fills it in.
+        preset: other people's settings of the task by their name (``RangeOnly`` has some), instead of the id's own.
         particles: particles of the belief (default 1000).
         tracks: csv file (``t_unix_s,x,y``, metres) of a recorded track for the fish to swim.
         time_scale: how fast it swims that track; 0.5 is half the recorded speed.
@@ -108,12 +109,14 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     * v0: the first version; it may still change before the first release (see CHANGELOG.md).
     """
 
+    default_id: ClassVar[str] = "TagTrack/LeopardShark-v0"
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": FRAMES_PER_SECOND}
 
     def __init__(
         self,
-        env_id: str = "TagTrack/LeopardShark-v0",
+        env_id: str | None = None,
         *,
+        preset: str | None = None,
         particles: int | None = None,
         tracks: str | Path | None = None,
         time_scale: float | None = None,
@@ -122,7 +125,13 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         render_mode: str | None = None,
     ) -> None:
         task = build_task(
-            env_id, particles=particles, tracks=tracks, time_scale=time_scale, overrides=overrides, scenario=scenario
+            env_id or self.default_id,
+            preset=preset,
+            particles=particles,
+            tracks=tracks,
+            time_scale=time_scale,
+            overrides=overrides,
+            scenario=scenario,
         )
         require_single(task.scenario, "TagTrackEnv")
         if render_mode not in (None, *self.metadata["render_modes"]):

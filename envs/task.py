@@ -14,7 +14,9 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from tagtrack.envs.observation import action_names, features
-from tagtrack.envs.scenario import Scenario, find_scenario, with_overrides
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.presets import find_preset
+from tagtrack.envs.scenario import Scenario, find_scenario
 from tagtrack.envs.sim.motion import Replay
 from tagtrack.envs.sim.tracks import Track, read_track
 
@@ -29,6 +31,7 @@ class Task(NamedTuple):
 def build_task(
     env_id: str,
     *,
+    preset: str | None = None,
     particles: int | None = None,
     tracks: str | Path | None = None,
     time_scale: float | None = None,
@@ -39,16 +42,23 @@ def build_task(
 
     Args:
         env_id: a key of ``SCENARIOS``; not looked at where ``scenario`` is given.
+        preset: other people's settings of that task (``presets.PRESETS``), instead of the id's own.
         particles: particles of each belief (``belief.particles``).
         tracks: csv file of a recorded track, which the fish then swims instead of its random walk.
         time_scale: how fast it swims its track: 0.5 is half the recorded speed.
         overrides: dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``).
         scenario: a whole scenario of one's own, which the other arguments then change.
     Raises:
-        ValueError: for an unknown id or name, a value out of range, a time_scale without a track, a broken track file.
+        ValueError: for an unknown id, preset or name, a value out of range, a time_scale without a track, a broken track file.
         FileNotFoundError: where there is no such file.
     """
-    chosen = find_scenario(env_id) if scenario is None else scenario
+    if preset is not None and scenario is not None:
+        raise ValueError(f"preset={preset!r} and a scenario are two scenarios; give one of them")
+    if preset is not None:
+        find_scenario(env_id)  # a wrong id before a wrong preset
+        chosen = find_preset(env_id, preset)
+    else:
+        chosen = find_scenario(env_id) if scenario is None else scenario
     if not isinstance(chosen, Scenario):
         raise ValueError(f"scenario must be a tagtrack.envs.scenario.Scenario, got {chosen!r}")
     if overrides is not None and not isinstance(overrides, Mapping):
@@ -100,7 +110,7 @@ def require_single(scenario: Scenario, shell: str) -> None:
 
 def observation_space(scenario: Scenario) -> Box:
     """Of one vehicle: finite bounds, one for each of ``features``."""
-    layout = features(scenario.targets)
+    layout = features(scenario.targets, scenario.receiver.kind)
     return Box(np.array([f.low for f in layout], np.float32), np.array([f.high for f in layout], np.float32))
 
 

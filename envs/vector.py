@@ -21,7 +21,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many worlds of one task at once. World i equals a ``TagTrackEnv`` (see there) with seed + i, bit for bit.
 
     Args:
-        env_id, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
+        env_id, preset, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
         num_envs: B.
         max_episode_steps: truncates episodes before the scenario's ``episode_steps`` (``make_vec`` gives the
             registered one).
@@ -41,6 +41,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         max_episode_steps: int | None = None,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        preset: str | None = None,
         particles: int | None = None,
         tracks: str | Path | None = None,
         time_scale: float | None = None,
@@ -49,7 +50,13 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         render_mode: str | None = None,
     ) -> None:
         task = build_task(
-            env_id, particles=particles, tracks=tracks, time_scale=time_scale, overrides=overrides, scenario=scenario
+            env_id,
+            preset=preset,
+            particles=particles,
+            tracks=tracks,
+            time_scale=time_scale,
+            overrides=overrides,
+            scenario=scenario,
         )
         require_single(task.scenario, "TagTrackVectorEnv")
         if render_mode is not None:

@@ -11,14 +11,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import begin_weights, correct, predict, spread_particles, summarize, weigh
+from tagtrack.envs.belief.filter import correct, predict, spread_particles, summarize
+from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring
+from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, uniform_pair
-from tagtrack.envs.observation import TAG_COUNT, decode_action, follow_bearing, observe_own, observe_tag
+from tagtrack.envs.observation import (
+    TAG_COUNT,
+    decode_action,
+    follow_bearing,
+    observe_own,
+    observe_reading,
+    observe_tag,
+    ping_phase,
+)
 from tagtrack.envs.reward import judge
-from tagtrack.envs.sim.acoustics import listen, open_contact, pings_within
+from tagtrack.envs.sim.acoustics import listen, open_contact
+from tagtrack.envs.sim.legs import begin_legs, follow_legs
 from tagtrack.envs.sim.motion import MotionKind, start_swimming, swim
-from tagtrack.envs.sim.tracks import begin_replay, choose_first_ping, follow_track
+from tagtrack.envs.sim.receivers import ReceiverKind
+from tagtrack.envs.sim.tags import ping_within, start_pinging
+from tagtrack.envs.sim.tracks import begin_replay, follow_track
 from tagtrack.envs.sim.vehicle import hold_course, launch
 
 # A world's own numbers: its seed, the episode and the step it is in. They key every random draw.
@@ -34,7 +47,7 @@ class Worlds(NamedTuple):
     fish: np.ndarray  # (B, T, 4, 1) float32: x, y [m], heading [rad], speed [m/s]; a row of one particle
     contacts: np.ndarray  # (B, V, T) CONTACT
     beliefs: np.ndarray  # (B, O, T) BELIEF
-    particles: np.ndarray  # (B, O, T, 4, N) float32, as fish
+    particles: np.ndarray  # (B, O, T, 4 or 5, N) float32, as fish; the fifth row is an estimated range of the receiver [m]
 
 
 class Outputs(NamedTuple):
@@ -68,7 +81,8 @@ def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratc
             for v in range(worlds.vehicles.shape[1]):
                 contact = worlds.contacts[b, v, t]
                 vehicle = worlds.vehicles[b, v]
-                open_contact(contact, stream, v * worlds.fish.shape[1] + t, p.water)
+                index = v * worlds.fish.shape[1] + t
+                open_contact(contact, worlds.targets[b, t], stream, index, p.water, p.tag.period + p.tag.random_delay)
                 dx = np.float64(worlds.fish[b, t, 0, 0]) - vehicle.x
                 dy = np.float64(worlds.fish[b, t, 1, 0]) - vehicle.y
                 contact.range = math.sqrt(dx * dx + dy * dy)
@@ -85,8 +99,13 @@ def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratc
 
 @compiled
 def place_fish(target, fish, stream, t, p, track, scratch):
-    """Put a fish at a random bearing and distance from the origin, swimming."""
-    choose_first_ping(target, stream, t, p.tag.period)
+    """Put a fish at a random bearing and distance from the origin, swimming, with its tag."""
+    start_pinging(target, stream, t, p.tag)
+    depth, _ = uniform_pair(stream, START, 16 * t + 6)
+    target.depth = p.start.shallowest + (p.start.deepest - p.start.shallowest) * depth
+    reach, reception = uniform_pair(stream, START, 16 * t + 7)
+    target.max_range = p.receiver.max_range + p.receiver.max_range_spread * (2.0 * reach - 1.0)
+    target.reception = p.receiver.reception + p.receiver.reception_spread * (2.0 * reception - 1.0)
     direction, distance = uniform_pair(stream, START, 16 * t + 3)
     distance = p.start.nearest + (p.start.farthest - p.start.nearest) * distance
     fish[0, 0] = distance * math.cos(2.0 * math.pi * direction)
@@ -95,6 +114,8 @@ def place_fish(target, fish, stream, t, p, track, scratch):
     fish[3, 0] = 0.0
     if p.fish.kind == MotionKind.REPLAY:
         begin_replay(target, fish, stream, t, track, p.episode_steps)
+    elif p.fish.kind == MotionKind.LEGS:
+        begin_legs(target, fish, stream, t, p.fish)
     else:
         fill_bits(stream, TRACK + PURPOSES * t, scratch.bits[:4])
         start_swimming(fish, scratch.bits, p.fish)
@@ -132,6 +153,9 @@ def swim_fish(b, track, worlds, p, stream, scratch):
         fish = worlds.fish[b, t]
         if p.fish.kind == MotionKind.REPLAY:
             follow_track(worlds.targets[b, t], fish, track, worlds.clock[b].step, p.time_step)
+        elif p.fish.kind == MotionKind.LEGS:
+            before = (worlds.clock[b].step - 1) * p.time_step
+            follow_legs(worlds.targets[b, t], fish, stream, t, p.fish, before, p.time_step)
         else:
             swim(
                 fish, stream, FISH + PURPOSES * t, scratch.bits[:4], scratch.normal_1[:1], scratch.normal_2[:1],
@@ -144,19 +168,20 @@ def hear_tags(b, worlds, p, stream):
     before = (worlds.clock[b].step - 1) * p.time_step
     tags = worlds.fish.shape[1]
     for t in range(tags):
-        pinged = pings_within(worlds.targets[b, t].first_ping, p.tag.period, before, p.time_step)
+        target = worlds.targets[b, t]
+        pinged = ping_within(target, stream, t, p.tag, before, p.time_step)
         x = np.float64(worlds.fish[b, t, 0, 0])
         y = np.float64(worlds.fish[b, t, 1, 0])
         for v in range(worlds.vehicles.shape[1]):
             listen(
-                worlds.contacts[b, v, t], worlds.vehicles[b, v], x, y, pinged, stream, v * tags + t,
-                p.water, p.receiver, p.time_step,
+                worlds.contacts[b, v, t], worlds.vehicles[b, v], target, x, y, pinged, stream, v * tags + t,
+                p.tag, p.water, p.receiver, before + p.time_step, p.time_step,
             )  # fmt: skip
 
 
 @compiled
 def update_beliefs(b, worlds, p, stream, scratch):
-    """Prediction, and correction with whatever the vehicles that share a belief have heard."""
+    """Prediction, and correction with whatever the vehicles that share a belief have heard or surely missed."""
     owners, tags = worlds.beliefs.shape[1], worlds.beliefs.shape[2]
     for o in range(owners):
         for t in range(tags):
@@ -164,15 +189,24 @@ def update_beliefs(b, worlds, p, stream, scratch):
             belief = worlds.beliefs[b, o, t]
             particles = worlds.particles[b, o, t]
             predict(particles, belief, stream, row, p.belief, p.time_step, scratch)
-            heard = False
+            heard = 0
+            last = 0
             for v in range(worlds.vehicles.shape[1]):
-                if (owners == 1 or v == o) and worlds.contacts[b, v, t].detected:
-                    if not heard:
+                contact = worlds.contacts[b, v, t]
+                if (owners == 1 or v == o) and (contact.detected or contact.missed):
+                    if heard == 0:
+                        renew(particles, belief, stream, row, p.belief)
                         begin_weights(scratch)
-                        heard = True
-                    weigh(particles, worlds.vehicles[b, v], worlds.contacts[b, v, t], p.belief, scratch)
-            if heard:
-                correct(particles, belief, stream, row, p.belief, scratch)
+                    weigh(particles, worlds.vehicles[b, v], contact, p.belief, scratch)
+                    heard += 1
+                    last = v
+            if heard == 0:
+                continue
+            if p.receiver.kind == ReceiverKind.RANGE and (belief.corrections == 0 or is_refuted(scratch.weight, heard, p.belief)):
+                scatter_on_ring(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], stream, row, p.belief, scratch)
+                begin_weights(scratch)
+                weigh(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], p.belief, scratch)
+            correct(particles, belief, stream, row, p.belief, scratch)
 
 
 @compiled
@@ -184,7 +218,7 @@ def summarize_world(b, worlds, p):
             belief = worlds.beliefs[b, 0 if shared else v, t]
             port = summarize(worlds.particles[b, 0 if shared else v, t], belief, worlds.vehicles[b, v], p.belief)
             worlds.contacts[b, v, t].port = port
-            follow_bearing(worlds.contacts[b, v, t], worlds.vehicles[b, v], belief, p.time_step)
+            follow_bearing(worlds.contacts[b, v, t], worlds.vehicles[b, v], belief, p.scale.memory, p.time_step)
             miss_x = belief.estimate_x - np.float64(worlds.fish[b, t, 0, 0])
             miss_y = belief.estimate_y - np.float64(worlds.fish[b, t, 1, 0])
             belief.error = math.sqrt(miss_x * miss_x + miss_y * miss_y)
@@ -203,9 +237,9 @@ def observe_world(b, worlds, p, outputs):
         for t in range(tags):
             belief = worlds.beliefs[b, 0 if shared else v, t]
             contact = worlds.contacts[b, v, t]
-            since_ping = (time - worlds.targets[b, t].first_ping) / p.tag.period
             out = outputs.observation[b, v, t * TAG_COUNT : (t + 1) * TAG_COUNT]
-            observe_tag(out, belief, contact, vehicle, since_ping - math.floor(since_ping))
+            observe_tag(out, belief, contact, vehicle, ping_phase(worlds.targets[b, t], contact, p.tag, time), p.scale)
+            observe_reading(out, belief, contact, vehicle, p.receiver.kind, p.scale)
             error += belief.error / tags
             nearest = min(nearest, contact.range)
         observe_own(outputs.observation[b, v, tags * TAG_COUNT :], vehicle, p.vehicle.max_speed)

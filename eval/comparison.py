@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagtrack.envs.scenario import with_overrides
+from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_contestants
 from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, ratios_to_first, summarize

@@ -80,7 +80,7 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
         raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
     return load_policy(
         folder,
-        feature_names(scenario.targets),
+        feature_names(scenario.targets, scenario.receiver.kind),
         action_names=action_names(scenario.speed_control),
         env_id=env_id,
     )

@@ -1,4 +1,4 @@
-"""The compiled filter alone, and the readable reference doing the same: predict, weigh by a bearing, resample, summarize.
+"""The compiled filter alone, and the readable reference doing the same: predict, weigh by a reading, resample, summarize.
 
 Both watch a tag at rest from a vehicle that turns on the spot. The row loop is the one of ``envs/world.py`` without the world.
 """
@@ -13,24 +13,25 @@ import numpy as np
 from tagtrack.envs.belief.filter import (
     BELIEF,
     Belief,
-    begin_weights,
     correct,
     filter_rule,
     make_scratch,
     predict,
     spread_particles,
     summarize,
-    weigh,
 )
+from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.compiling import FAST_MATHS
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.sim.acoustics import CONTACT, bearing_in_units
+from tagtrack.envs.sim.acoustics import CONTACT
+from tagtrack.envs.sim.receivers import bearing_in_units
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.workers import Workers
 from tagtrack.eval.reference_filter import ReferenceFilter, ReferenceFilterParameters
 
 TIME_STEP = 1.0  # [s]
 TAG = 30.0, 40.0  # where the tag rests [m]; the vehicle is at the origin
+DISTANCE = math.hypot(*TAG)
 HEADINGS = np.linspace(-math.pi, math.pi, 64, endpoint=False)  # one after the other [rad]
 
 
@@ -49,6 +50,8 @@ def update_rows(first, last, step, heading, units, parameters, particles, belief
         stream = (np.uint64(b), np.uint64(0), np.uint64(0), np.uint64(step))
         vehicles[b].compass = heading
         contacts[b].units = units
+        contacts[b].detected = True
+        contacts[b].slant_range = DISTANCE
         predict(particles[b], beliefs[b], stream, 0, rule, TIME_STEP, scratch)
         begin_weights(scratch)
         weigh(particles[b], vehicles[b], contacts[b], rule, scratch)
@@ -71,7 +74,7 @@ class FilterBank:
     """
 
     def __init__(self, belief: Belief, rows: int, threads: int = 1) -> None:
-        self.particles = np.zeros((rows, 4, belief.particles), np.float32)
+        self.particles = np.zeros((rows, belief.rows, belief.particles), np.float32)
         self.beliefs = np.zeros(rows, BELIEF)
         self._vehicles = np.zeros(rows, VEHICLE)
         self._contacts = np.zeros(rows, CONTACT)

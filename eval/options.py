@@ -17,6 +17,8 @@ class TaskOptions:
 
     env: Annotated[str, tyro.conf.arg(metavar="ID")] = "TagTrack/LeopardShark-v0"
     """Environment id, with or without `TagTrack/`."""
+    preset: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(none)")] = None
+    """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
     overrides: Annotated[
         tuple[tuple[str, ...], ...],
         tyro.conf.arg(name="set", metavar="NAME=VALUE ..."),
@@ -47,6 +49,7 @@ class TaskOptions:
         if "belief.particles" in overrides:
             raise ValueError("the number of particles is set by --particles, not by --set belief.particles")
         return {
+            "preset": self.preset,
             "particles": self.particles,
             "tracks": self.tracks,
             "time_scale": self.time_scale,

@@ -42,12 +42,13 @@ FLOORS = (
     ("sim",),
     ("belief",),
     ("scenario",),
-    ("observation", "reward", "workers"),
+    ("observation", "overrides", "presets", "reward", "workers"),
     ("world",),
     ("simulation",),
     ("legend", "task"),
     ("rendering",),
     ("single", "vector", "parallel"),
+    ("range_only", "area_only"),
     ("",),  # envs/__init__.py, which gathers the names that users import
 )
 

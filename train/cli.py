@@ -69,6 +69,7 @@ def build_task_of(config: TrainConfig) -> Any:
 
     task = build_task(
         qualified_id(config.env),
+        preset=config.preset,
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,
@@ -94,7 +95,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
     """Train in a folder, with table, curve and path at the end."""
     import torch
 
-    from tagtrack.envs.scenario import describe_scenario
+    from tagtrack.envs.overrides import describe_scenario
     from tagtrack.envs.task import parse_overrides
     from tagtrack.eval.rollout import SeedBlock, block_seed
     from tagtrack.eval.versions import collect_versions
@@ -110,6 +111,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
         settings.num_envs,
         threads=config.threads,
         stagger=True,
+        preset=config.preset,
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,

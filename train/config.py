@@ -29,6 +29,8 @@ class TrainConfig:
     """Of network, exploration and episodes. One seed is no result: train several."""
     num_envs: int | None = None
     """Worlds that are simulated together; default by environment."""
+    preset: str | None = None
+    """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
     particles: int | None = None
     """Particles of the filter; default the environment's (1000)."""
     tracks: Path | None = None

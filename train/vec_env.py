@@ -25,7 +25,7 @@ class TagTrackVecEnv(VecEnv):
     beside them ``localization_error``, the episode's mean [m].
 
     Args:
-        env_id, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
+        env_id, preset, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
         num_envs, max_episode_steps, threads: as for ``TagTrackVectorEnv``.
         stagger: spread the ends of the first episodes evenly over an episode's length, lest all worlds start anew
             together; those episodes are shorter.
@@ -39,6 +39,7 @@ class TagTrackVecEnv(VecEnv):
         max_episode_steps: int | None = None,
         threads: int = 1,
         stagger: bool = False,
+        preset: str | None = None,
         particles: int | None = None,
         tracks: str | Path | None = None,
         time_scale: float | None = None,
@@ -46,7 +47,13 @@ class TagTrackVecEnv(VecEnv):
         scenario: Scenario | None = None,
     ) -> None:
         task = build_task(
-            env_id, particles=particles, tracks=tracks, time_scale=time_scale, overrides=overrides, scenario=scenario
+            env_id,
+            preset=preset,
+            particles=particles,
+            tracks=tracks,
+            time_scale=time_scale,
+            overrides=overrides,
+            scenario=scenario,
         )
         require_single(task.scenario, "TagTrackVecEnv")
         self.simulation = Simulation(task.scenario, num_envs, threads=threads, track=task.track)

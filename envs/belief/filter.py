@@ -1,7 +1,8 @@
-"""The particle filter of Clark et al. 2013 (Alg. 1): predict at every step, weigh and resample when a ping is heard.
+"""The particle filter of Clark et al. 2013 (Alg. 1): predict at every step, weigh and resample when something was heard.
 
 The six filters of Table III are presets in ``FILTERS``; they differ only in the motion that spreads their particles and in the
-readings that weigh them.
+readings that weigh them. ``AOTT`` is the area-only filter of Masmitja et al. 2020. Particles are rows: x, y, heading, speed and,
+where a belief estimates the range of a presence receiver, that range.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tagtrack.envs.belief.renewal import spread_reach, summarize_reach, walk_reach
+from tagtrack.envs.belief.weighing import Weighting
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
-from tagtrack.envs.kernels.resample_loops import fill_row, heaviest, resample
+from tagtrack.envs.kernels.resample_loops import heaviest, resample
 from tagtrack.envs.kernels.summary_loops import mean_about, spread_about
-from tagtrack.envs.kernels.weight_loops import expect_strength, weigh_bearing, weigh_combined, weigh_strength
-from tagtrack.envs.sim.acoustics import StereoHydrophone
 from tagtrack.envs.sim.motion import (
     BrownianWalk,
     LevyFlight,
@@ -29,17 +30,10 @@ from tagtrack.envs.sim.motion import (
     start_swimming,
     swim,
 )
+from tagtrack.envs.sim.receivers import PresenceReceiver, RangeReceiver, Receiver, ReceiverRule, StereoHydrophone
 from tagtrack.envs.sim.validation import require, settle_numbers
 
 f32 = np.float32
-
-
-class Weighting(enum.IntEnum):
-    """Which reading weighs the particles: h_alpha (Eq. 6), h_ss (Eq. 9) or h_mod (Eq. 10)."""
-
-    BEARING = 0
-    STRENGTH = 1
-    COMBINED = 2
 
 
 class Estimate(enum.IntEnum):
@@ -55,11 +49,16 @@ class Belief:
 
     particles: int = 1000
     motion: Motion = field(default_factory=MomentumRandomWalk)
-    receiver: StereoHydrophone = field(default_factory=StereoHydrophone)
+    receiver: Receiver = field(default_factory=StereoHydrophone)
     weighting: Weighting = Weighting.BEARING
     estimate: Estimate = Estimate.MEAN
     weight_floor: float = 0.001  # of Eqs. 6, 9, 10
     half_width: float = 100.0  # L: particles start uniformly in a square of 2L about the vehicle [m]
+    # Compound resampling (Masmitja et al. 2020): at each correction this share of the particles is spread anew about the last
+    # estimate, uniformly over a disc of this radius. 0: plain resampling. They are spread before they are weighed, where the
+    # paper does so after resampling: no estimate then holds particles that no reading has judged.
+    renewed_share: float = 0.0
+    renewed_radius: float = 300.0  # maximum particle range [m]
 
     def __post_init__(self) -> None:
         settle_numbers(self)
@@ -68,7 +67,16 @@ class Belief:
         if self.particles > 2**20:
             raise ValueError(f"Belief.particles must be at most {2**20}, got {self.particles}")
         require(self.weight_floor >= 0, self, "weight_floor", "at least 0")
-        require(self.half_width > 0, self, "half_width", "positive")
+        require(0 <= self.renewed_share < 1, self, "renewed_share", "at least 0 and below 1")
+        for name in ("half_width", "renewed_radius"):
+            require(getattr(self, name) > 0, self, name, "positive")
+        if isinstance(self.receiver, RangeReceiver):
+            require(self.receiver.range_sigma > 0, self.receiver, "range_sigma", "positive in a belief")
+
+    @property
+    def rows(self) -> int:
+        """Rows of a particle: four, and one more for an estimated range."""
+        return 4 + (isinstance(self.receiver, PresenceReceiver) and self.receiver.max_range_spread > 0)
 
 
 FILTERS = {
@@ -79,6 +87,16 @@ FILTERS = {
     "combined_brownian": Belief(motion=BrownianWalk(), weighting=Weighting.COMBINED),
     "combined_levy": Belief(motion=LevyFlight(), weighting=Weighting.COMBINED),
 }
+# Masmitja et al. 2020, "AOTT simulations": 10,000 particles, compound resampling at 1.5 %, maximum particle range 300 m. How its
+# particles move is not said: here as fits a target that mostly holds its course at 0.2 m/s.
+AOTT = Belief(
+    particles=10_000,
+    motion=MomentumRandomWalk(speed_sigma=0.006, turn_sigma=0.025, max_speed=0.35),
+    receiver=PresenceReceiver(),
+    half_width=300.0,
+    renewed_share=0.015,
+)
+BELIEFS = {**FILTERS, "aott": AOTT}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,34 +104,40 @@ class FilterRule:
     """What compiled code reads of a ``Belief``."""
 
     motion: MotionRule
-    receiver: StereoHydrophone
+    receiver: ReceiverRule
     weighting: int
     estimate: int
     weight_floor: float
     half_width: float
+    renewed_share: float
+    renewed_radius: float
 
 
 def filter_rule(belief: Belief, time_step: float) -> FilterRule:
     return FilterRule(
         motion=belief.motion.rule(time_step),
-        receiver=belief.receiver,
+        receiver=belief.receiver.rule(),
         weighting=int(belief.weighting),
         estimate=int(belief.estimate),
         weight_floor=belief.weight_floor,
         half_width=belief.half_width,
+        renewed_share=belief.renewed_share,
+        renewed_radius=belief.renewed_radius,
     )
 
 
 # One owner's belief about one tag. Means [m], spreads [m^2], velocities [m/s] (an average over some 20 s), `best` the index of
-# the particle that weighed most, `error` the distance from the estimate to the true fish [m] (known to the referee alone).
+# the particle that weighed most, `corrections` how many there were, `max_range` and its `_spread` (standard deviation) what
+# is believed of a presence receiver's range [m], `error` the distance from estimate to fish [m] (known to the referee alone).
 BELIEF = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "mean_x", "mean_y", "estimate_x", "estimate_y", "xx", "yy", "xy", "velocity_x", "velocity_y", "error",
+            "mean_x", "mean_y", "estimate_x", "estimate_y", "xx", "yy", "xy", "velocity_x", "velocity_y", "max_range",
+            "max_range_spread", "error",
         )
     ]
-    + [("best", np.int64)]
+    + [("best", np.int64), ("corrections", np.int64)]
 )  # fmt: skip
 
 
@@ -151,6 +175,9 @@ def spread_particles(particles, belief, centre_x, centre_y, stream, row, rule, s
     belief.velocity_x = 0.0
     belief.velocity_y = 0.0
     belief.best = 0
+    belief.corrections = 0
+    if particles.shape[0] > 4:
+        spread_reach(particles[4], stream, row, rule.receiver, scratch)
 
 
 @compiled
@@ -172,46 +199,15 @@ def predict(particles, belief, stream, row, rule, time_step, scratch):
 
 
 @compiled
-def begin_weights(scratch):
-    fill_row(scratch.weight, f32(1.0))
-
-
-@compiled
-def weigh(particles, vehicle, contact, rule, scratch):
-    """Multiply the weights by the likelihood of one vehicle's reading (Alg. 1, lines 4-9)."""
-    x = particles[0]
-    y = particles[1]
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
-    ahead_x = f32(math.cos(vehicle.compass))
-    ahead_y = f32(math.sin(vehicle.compass))
-    receiver = rule.receiver
-    slope = f32(receiver.strength_slope)
-    log_scale = f32(receiver.strength_scale * math.log(10.0))
-    units = f32(contact.units)
-    strength = f32(contact.strength)
-    sigma = f32(receiver.bearing_sigma)
-    strength_sigma = f32(receiver.strength_sigma)
-    floor = f32(rule.weight_floor)
-    if rule.weighting == Weighting.BEARING:
-        weigh_bearing(scratch.weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, floor)
-    elif rule.weighting == Weighting.STRENGTH:
-        weigh_strength(scratch.weight, x, y, own_x, own_y, strength, slope, log_scale, strength_sigma, floor)
-    else:
-        expect_strength(scratch.normal_1, x, y, own_x, own_y, slope, log_scale)
-        weigh_combined(
-            scratch.weight, scratch.normal_1, x, y, own_x, own_y, ahead_x, ahead_y,
-            units, sigma, strength, strength_sigma, floor,
-        )  # fmt: skip
-
-
-@compiled
 def correct(particles, belief, stream, row, rule, scratch):
     """Correction (Alg. 1, lines 12-18): resample by weight. Keeps hold of the particle that weighed most."""
+    belief.corrections += 1
     offset, _ = uniform_pair(stream, RESAMPLE, row)
     best = heaviest(scratch.weight) if rule.estimate == Estimate.BEST else 0
     if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.normal_1, offset):
         belief.best = min(scratch.fixed[best], particles.shape[1] - 1)
+    if particles.shape[0] > 4:
+        walk_reach(particles[4], stream, row, rule.receiver, scratch)
 
 
 @compiled
@@ -230,6 +226,10 @@ def summarize(particles, belief, vehicle, rule):
     belief.xx = xx
     belief.yy = yy
     belief.xy = xy
+    belief.max_range = rule.receiver.max_range
+    belief.max_range_spread = 0.0
+    if particles.shape[0] > 4:
+        summarize_reach(particles[4], belief)
     if rule.estimate == Estimate.BEST:
         belief.estimate_x = x[belief.best]
         belief.estimate_y = y[belief.best]

@@ -28,6 +28,16 @@ def scatter_uniformly(x, y, bits, centre_x, centre_y, half_width):
 
 
 @compiled
+def scatter_on_annulus(x, y, bits, centre_x, centre_y, least, largest):
+    """Place particles about a centre at distances uniform between two and in all directions."""
+    for i in range(x.shape[0]):
+        distance = least + (largest - least) * high_unit(bits[i])
+        turn = low_turn(bits[i])
+        x[i] = centre_x + distance * sin_of_turns(f32(0.25) - abs(turn))
+        y[i] = centre_y + distance * sin_of_turns(turn)
+
+
+@compiled
 def scatter_velocities(heading, speed, bits, max_speed, moving_share):
     """Uniform headings; speeds uniform up to ``max_speed`` for the share that moves, zero for the rest."""
     for i in range(heading.shape[0]):

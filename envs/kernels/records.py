@@ -13,12 +13,14 @@ import numpy as np
 
 
 def record_type(parameters: Any) -> np.dtype:
-    """Structured dtype of a dataclass instance whose fields are numbers, flags, enumerations or such dataclasses."""
+    """Structured dtype of a dataclass instance of numbers, flags, enumerations, tuples of numbers and such dataclasses."""
     fields = []
     for field in dataclasses.fields(parameters):
         value = getattr(parameters, field.name)
         if dataclasses.is_dataclass(value):
             fields.append((field.name, record_type(value)))
+        elif isinstance(value, tuple):
+            fields.append((field.name, np.dtype((np.float64, len(value)))))
         else:
             fields.append((field.name, np.dtype(np.int64 if isinstance(value, int) else np.float64)))
     return np.dtype(fields)

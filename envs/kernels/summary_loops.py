@@ -39,3 +39,22 @@ def spread_about(x, y, mean_x, mean_y):
         xy += dx * dy
     count = f32(x.shape[0])
     return xx / count, yy / count, xy / count
+
+
+@compiled
+def mean_of(row):
+    """Mean of a row."""
+    total = f32(0.0)
+    for i in range(row.shape[0]):
+        total += row[i]
+    return total / f32(row.shape[0])
+
+
+@compiled
+def variance_about(row, mean):
+    """Variance of a row about a mean."""
+    total = f32(0.0)
+    for i in range(row.shape[0]):
+        miss = row[i] - mean
+        total += miss * miss
+    return total / f32(row.shape[0])

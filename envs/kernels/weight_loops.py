@@ -1,8 +1,8 @@
-"""Loops that score a row of particles against a stereo-hydrophone reading (Clark et al. 2013, Eqs. 5-10).
+"""Loops that score a row of particles against what a receiver tells: one loop for each kind of reading.
 
-The angle from the perpendicular to the hydrophones' baseline is asin(cos(relative bearing)): it is the same to port and to
-starboard, which is the sign that the receiver cannot tell. Each loop multiplies into ``weight``, so that the readings of several
-vehicles combine.
+Of a stereo hydrophone (Clark et al. 2013, Eqs. 5-10) the angle from the perpendicular to the hydrophones' baseline is
+asin(cos(relative bearing)): it is the same to port and to starboard, which is the sign that the receiver cannot tell. Each loop
+multiplies into ``weight``, so that the readings of several vehicles combine.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.maths import fast_asin, fast_exp, fast_log
+from tagtrack.envs.kernels.maths import fast_asin, fast_exp, fast_log, normal_survival
 
 f32 = np.float32
 DEGREES = f32(180.0 / math.pi)
@@ -80,3 +80,40 @@ def weigh_combined(weight, misfit, x, y, own_x, own_y, ahead_x, ahead_y, units, 
         weight[i] *= floor + peak * fast_exp(
             precision * miss * miss + strength_precision * strength_miss * strength_miss
         )
+
+
+@compiled
+def weigh_range(weight, x, y, own_x, own_y, depth, slant_range, factor, sigma, floor):
+    """Multiply by the likelihood of a slant range to a fish at a known ``depth`` [m] (Masmitja et al. 2020, Eq. 21)."""
+    precision = f32(-0.5) / (sigma * sigma)
+    peak = f32(1.0 / math.sqrt(2.0 * math.pi)) / sigma
+    below = depth * depth
+    for i in range(weight.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        miss = factor * np.sqrt(dx * dx + dy * dy + below) - slant_range
+        weight[i] *= floor + peak * fast_exp(precision * miss * miss)
+
+
+@compiled
+def weigh_detection(weight, x, y, reach, own_x, own_y, depth, sigma, floor):
+    """Multiply by the survival function of the distance about each particle's ``reach`` [m] (Eq. 22, a ping was heard)."""
+    per_sigma = f32(1.0) / sigma
+    below = depth * depth
+    for i in range(weight.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        z = (np.sqrt(dx * dx + dy * dy + below) - reach[i]) * per_sigma
+        weight[i] *= floor + normal_survival(z)
+
+
+@compiled
+def weigh_silence(weight, x, y, reach, own_x, own_y, depth, sigma, reception, floor):
+    """Multiply by 1 minus ``reception`` times that function; with a reception of 1 by the CDF (Eq. 22, none was heard)."""
+    per_sigma = f32(1.0) / sigma
+    below = depth * depth
+    for i in range(weight.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        z = (np.sqrt(dx * dx + dy * dy + below) - reach[i]) * per_sigma
+        weight[i] *= floor + f32(1.0) - reception * normal_survival(z)

@@ -1,8 +1,8 @@
-"""Tag, water and stereo-hydrophone receiver of Clark et al. 2013: when a ping is heard, and what the receiver then reads.
+"""Water and hearing: which pings reach a receiver, and what a vehicle keeps of them.
 
-A usable signal needs both hydrophones. Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the
-hull's own noise), so that the rate of usable signals ranges over some 3 to 25 a minute and gaps reach 30 s (6.2; Lin et al.
-2013, III.B): with the defaults a minute has 23 (median; 1 % of them 2 or fewer), and the longest gap of ten minutes is 38 s.
+Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the hull's own noise), so that the rate of usable
+signals ranges over some 3 to 25 a minute and gaps reach 30 s (Clark et al. 2013, 6.2; Lin et al. 2013, III.B): with the defaults
+a minute has 23 (median; 1 % of them 2 or fewer), and the longest gap of ten minutes is 38 s.
 """
 
 from __future__ import annotations
@@ -13,22 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import HEARING, READING, START, WATER, normal_pair, uniform_pair
-from tagtrack.envs.sim.geometry import relative_bearing
+from tagtrack.envs.kernels.random import HEARING, START, WATER, uniform_pair
+from tagtrack.envs.sim.receivers import ReceiverKind, presence_chance, read_range, read_stereo
 from tagtrack.envs.sim.validation import require, settle_numbers
-
-LARGEST_UNIT = 9.0  # Lotek bearing units run from -9 to 9
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tag:
-    """An acoustic tag that pings at a fixed period from a random first ping on."""
-
-    period: float = 2.0  # T_c [s]; the paper used tags of 2 s and 5 s
-
-    def __post_init__(self) -> None:
-        settle_numbers(self)
-        require(self.period > 0, self, "period", "positive")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,72 +37,37 @@ class Water:
             require(0 <= getattr(self, name) <= 1, self, name, "within 0 to 1")
 
 
-@dataclass(frozen=True, kw_only=True)
-class StereoHydrophone:
-    """Noise and calibration of the receiver (Table I; Eq. 8). The belief holds one of its own: what it assumes."""
-
-    bearing_sigma: float = 1.0  # sigma_alpha [Lotek units]
-    strength_sigma: float = 15.0  # sigma_ss [Lotek strength units]
-    strength_slope: float = -0.871  # a of Eq. 8
-    strength_scale: float = 2.18  # b of Eq. 8 (a power of ten)
-
-    def __post_init__(self) -> None:
-        settle_numbers(self)
-        for name in ("bearing_sigma", "strength_sigma"):
-            require(getattr(self, name) > 0, self, name, "positive")
-
-
-# What one vehicle hears of one tag. `units` [Lotek] and `strength` are the last reading, NaN before the first; `silence` is
-# the time since then [s]; `noisy` tells a burst of losses; `heard_lately` and `heard_long` are averages of detections over
-# pings, `port` the share of particles to port, `cos_lately` and `sin_lately` averages of the belief's bearing relative to
-# the heading.
+# What one vehicle hears of one tag. `units` [Lotek], `strength` and `slant_range` [m] are the last reading, NaN before the
+# first; `silence` is the time since then [s]; `noisy` tells a burst of losses; `missed` that a silence has just become certain to
+# have swallowed a ping, and `surely_by` the time by which the next one will have come for certain [s]; `heard_lately` and
+# `heard_long` are averages of detections over pings, `port` the share of particles to port, `cos_lately` and `sin_lately`
+# averages of the belief's bearing relative to the heading. The vehicle knows the `depth` of the fish [m].
 CONTACT = np.dtype(
-    [
-        ("pinged", np.bool_),
-        ("detected", np.bool_),
-        ("noisy", np.bool_),
-        ("units", np.float64),
-        ("strength", np.float64),
-        ("range", np.float64),
-        ("silence", np.float64),
-        ("heard_lately", np.float64),
-        ("heard_long", np.float64),
-        ("port", np.float64),
-        ("cos_lately", np.float64),
-        ("sin_lately", np.float64),
+    [(name, np.bool_) for name in ("pinged", "detected", "missed", "noisy")]
+    + [
+        (name, np.float64)
+        for name in (
+            "units", "strength", "slant_range", "range", "depth", "silence", "surely_by", "heard_lately", "heard_long",
+            "port", "cos_lately", "sin_lately",
+        )
     ]
-)
+)  # fmt: skip
 
 
 @compiled
-def bearing_in_units(bearing):
-    """Lotek units, real-valued, of a relative bearing [rad] (Eq. 5): the same to port and to starboard."""
-    degrees = 90.0 - abs(bearing) * 180.0 / math.pi
-    return ((-1e-6 * degrees + 2e-5) * degrees + 0.0947) * degrees - 0.2757
-
-
-@compiled
-def expected_strength(distance, receiver):
-    """Signal strength at a distance [m] (Eq. 8)."""
-    return 10.0**receiver.strength_scale * max(distance, 1e-3) ** receiver.strength_slope
-
-
-@compiled
-def pings_within(first_ping, period, time, time_step):
-    """Whether a tag pings within (time, time + time_step]."""
-    return math.floor((time + time_step - first_ping) / period) > math.floor((time - first_ping) / period)
-
-
-@compiled
-def open_contact(contact, stream, index, water):
+def open_contact(contact, target, stream, index, water, longest_interval):
     """A contact before the first ping."""
     chance, _ = uniform_pair(stream, START, 16 * index + 2)
     contact.pinged = False
     contact.detected = False
+    contact.missed = False
     contact.noisy = chance < water.noisy_share
     contact.units = np.nan
     contact.strength = np.nan
+    contact.slant_range = np.nan
+    contact.depth = target.depth
     contact.silence = 0.0
+    contact.surely_by = longest_interval
     contact.heard_lately = 0.5
     contact.heard_long = 0.5
     contact.cos_lately = 0.0
@@ -143,27 +95,57 @@ def hearing_chance(distance, noisy, water):
 
 
 @compiled
-def listen(contact, vehicle, fish_x, fish_y, pinged, stream, index, water, receiver, time_step):
-    """Advance the water; hear a ping or not; read bearing and strength where both hydrophones heard it."""
+def hear(contact, target, distance, stream, index, water, receiver):
+    """Whether a ping is usable: a bearing needs both hydrophones, the others have one."""
+    bow, stern = uniform_pair(stream, HEARING, index)
+    if receiver.kind == ReceiverKind.STEREO:
+        chance = hearing_chance(contact.range, contact.noisy, water)
+        return bow < chance and stern < chance
+    chance = hearing_chance(distance, contact.noisy, water)
+    if receiver.kind == ReceiverKind.PRESENCE:
+        chance *= presence_chance(distance, target.max_range, target.reception, receiver)
+    return bow < chance
+
+
+@compiled
+def count_silence(contact, last_ping, time, longest_interval):
+    """Silence tells something only when a ping was certainly due. Returns whether this step told anything, either way.
+
+    Of a tag with random intervals a vehicle knows nothing but their bounds, and of its pings only those it has heard. Any stretch
+    of ``longest_interval`` holds a ping: so one was missed for certain each time that so long has passed since the last detection
+    (whose time the receiver logs), since the last such silence, or since the episode began. What a part of such a stretch makes
+    likely is left out, as is that the ping came some while before it was certain: the silence counts where the vehicle is then.
+    """
+    contact.missed = False
+    if contact.detected:
+        contact.surely_by = last_ping + longest_interval
+    elif time >= contact.surely_by - 1e-9:
+        contact.missed = True
+        contact.surely_by += longest_interval
+    return contact.detected or contact.missed
+
+
+@compiled
+def listen(contact, vehicle, target, fish_x, fish_y, pinged, stream, index, tag, water, receiver, time, time_step):
+    """Advance the water to ``time``; hear a ping of the step before it or not; read what the receiver gives."""
     change_water(contact, stream, index, water, time_step)
     dx = fish_x - vehicle.x
     dy = fish_y - vehicle.y
     contact.range = math.sqrt(dx * dx + dy * dy)
+    distance = math.sqrt(dx * dx + dy * dy + contact.depth * contact.depth)
     contact.pinged = pinged
-    contact.detected = False
+    contact.detected = pinged and hear(contact, target, distance, stream, index, water, receiver)
     contact.silence += time_step
-    if not pinged:
-        return
-    chance = hearing_chance(contact.range, contact.noisy, water)
-    bow, stern = uniform_pair(stream, HEARING, index)
-    contact.detected = bow < chance and stern < chance
-    heard = 1.0 if contact.detected else 0.0
-    contact.heard_lately += 0.2 * (heard - contact.heard_lately)
-    contact.heard_long += 0.03 * (heard - contact.heard_long)
+    told = pinged
+    if receiver.kind == ReceiverKind.PRESENCE:
+        told = count_silence(contact, target.last_ping, time, tag.period + tag.random_delay)
+    if told:
+        heard = 1.0 if contact.detected else 0.0
+        contact.heard_lately += 0.2 * (heard - contact.heard_lately)
+        contact.heard_long += 0.03 * (heard - contact.heard_long)
     if contact.detected:
-        bearing = relative_bearing(vehicle.x, vehicle.y, vehicle.heading, fish_x, fish_y)
-        unit_noise, strength_noise = normal_pair(stream, READING, index)
-        units = math.floor(bearing_in_units(bearing) + receiver.bearing_sigma * unit_noise + 0.5)
-        contact.units = min(max(units, -LARGEST_UNIT), LARGEST_UNIT)
-        contact.strength = expected_strength(contact.range, receiver) + receiver.strength_sigma * strength_noise
         contact.silence = 0.0
+        if receiver.kind == ReceiverKind.STEREO:
+            read_stereo(contact, vehicle, fish_x, fish_y, stream, index, receiver)
+        elif receiver.kind == ReceiverKind.RANGE:
+            read_range(contact, distance, stream, index, receiver)

@@ -34,6 +34,7 @@ class MotionKind(enum.IntEnum):
     LEVY = 2
     BOAT = 3
     REPLAY = 4
+    LEGS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,11 @@ class MotionRule:
     scale_speed: float = 0.0
     stop_probability: float = 0.0
     start_probability: float = 0.0
+    least_speed: float = 0.0
+    shortest_leg: float = 0.0
+    longest_leg: float = 0.0
+    least_turn: float = 0.0
+    largest_turn: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,22 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import START, TRACK, uniform_pair
+from tagtrack.envs.kernels.random import TRACK, uniform_pair
 
 COLUMNS = ("t_unix_s", "x", "y")
 LONGEST_GAP = 120.0  # s: interpolating across more would invent a track
-
-# Per tag: its first ping [s] and, for a replay, the row of the track at which the episode begins, the angle by which the track
-# is turned and the place at which the fish starts.
-TARGET = np.dtype(
-    [
-        ("first_ping", np.float64),
-        ("start_row", np.int64),
-        ("turn", np.float64),
-        ("start_x", np.float64),
-        ("start_y", np.float64),
-    ]
-)
 
 
 @dataclass(frozen=True)
@@ -127,10 +115,3 @@ def follow_track(target, fish, track, step, time_step):
     if step_x != 0.0 or step_y != 0.0:
         fish[2, 0] = math.atan2(step_y, step_x)
     fish[3, 0] = math.sqrt(step_x * step_x + step_y * step_y) / time_step
-
-
-@compiled
-def choose_first_ping(target, stream, t, period):
-    """Tags do not know when an episode begins."""
-    phase, _ = uniform_pair(stream, START, 16 * t + 5)
-    target.first_ping = phase * period

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import NAVIGATION, START, normal_pair
+from tagtrack.envs.kernels.random import NAVIGATION, START, STEERING, normal_pair, uniform_pair
 from tagtrack.envs.sim.geometry import wrap_angle
 from tagtrack.envs.sim.validation import require, settle_numbers
 
@@ -31,12 +31,17 @@ class Vehicle:
     drift_sigma: float = 0.05  # growth of the dead-reckoning error, each axis [m per sqrt(s)]
     current_speed: float = 0.0  # of the uniform current that carries the vehicle [m/s]
     current_heading: float = 0.0  # direction it flows to [rad]
+    random_current: float = 0.0  # largest speed of a further current, drawn with its direction for each episode [m/s]
+    speed_sigma: float = 0.0  # of the speed made good about the one through the water, at each control interval [m/s]
+    heading_sigma: float = 0.0  # of the heading about the one steered, at each control interval [rad]
 
     def __post_init__(self) -> None:
         settle_numbers(self)
         for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain", "control_interval"):
             require(getattr(self, name) > 0, self, name, "positive")
         for name in ("compass_sigma", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
+            require(getattr(self, name) >= 0, self, name, "at least 0")
+        for name in ("random_current", "speed_sigma", "heading_sigma"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
         require(
             self.heading_gain * self.control_interval < 2,
@@ -47,13 +52,15 @@ class Vehicle:
 
 
 # One vehicle's state. `x`, `y`, `heading`, `speed` are true; `believed_*` is the position the vehicle believes, `compass` the
-# heading it reads; all in m, rad, m/s. `since_fix` [s].
+# heading it reads; `current_*` is the episode's random one; all in m, rad, m/s. `since_fix` [s].
 VEHICLE = np.dtype(
     [
         (name, np.float64)
-        for name in ("x", "y", "heading", "speed", "believed_x", "believed_y", "compass", "since_fix", "course")
+        for name in (
+            "x", "y", "heading", "speed", "believed_x", "believed_y", "compass", "since_fix", "course", "current_x", "current_y",
+        )
     ]
-)
+)  # fmt: skip
 
 
 @compiled
@@ -70,6 +77,10 @@ def launch(vehicle, stream, index, parameters):
     vehicle.believed_y = parameters.fix_sigma * error_y
     vehicle.since_fix = 0.0
     vehicle.course = vehicle.heading
+    speed, direction = uniform_pair(stream, STEERING, 0)  # one current for all vehicles; step 0 steers none
+    speed *= parameters.random_current
+    vehicle.current_x = speed * math.cos(2.0 * math.pi * direction)
+    vehicle.current_y = speed * math.sin(2.0 * math.pi * direction)
 
 
 @compiled
@@ -89,12 +100,17 @@ def steer(vehicle, course, speed, stream, index, parameters, time_step):
     change = parameters.acceleration * time_step
     vehicle.speed += min(max(speed - vehicle.speed, -change), change)
     turn = turn_rate * time_step
-    chord = vehicle.speed * time_step
+    made_good = vehicle.speed
+    if parameters.heading_sigma > 0.0 or parameters.speed_sigma > 0.0:
+        swerve, slip = normal_pair(stream, STEERING, index)
+        turn += parameters.heading_sigma * swerve
+        made_good = max(made_good + parameters.speed_sigma * slip, 0.0)
+    chord = made_good * time_step
     if abs(turn) > 1e-6:
         chord *= math.sin(0.5 * turn) / (0.5 * turn)  # an arc, not a straight step
     middle = vehicle.heading + 0.5 * turn
-    drift_x = parameters.current_speed * math.cos(parameters.current_heading) * time_step
-    drift_y = parameters.current_speed * math.sin(parameters.current_heading) * time_step
+    drift_x = parameters.current_speed * math.cos(parameters.current_heading) * time_step + vehicle.current_x * time_step
+    drift_y = parameters.current_speed * math.sin(parameters.current_heading) * time_step + vehicle.current_y * time_step
     vehicle.x += chord * math.cos(middle) + drift_x
     vehicle.y += chord * math.sin(middle) + drift_y
     vehicle.heading = wrap_angle(vehicle.heading + turn)

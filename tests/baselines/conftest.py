@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.observation import LENGTH, SILENCE_SCALE, feature_names
-from tagtrack.envs.scenario import find_scenario, with_overrides
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.scenario import find_scenario
 from tagtrack.envs.simulation import Simulation
 
 EXACT = {"vehicle.compass_sigma": 0.0, "vehicle.fix_sigma": 0.0, "vehicle.drift_sigma": 0.0}

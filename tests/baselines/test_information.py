@@ -6,9 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from tagtrack.baselines.information import Information, expect_track, tabulate_chance, tabulate_likelihood
+from tagtrack.baselines.information import Information, expect_track
 from tagtrack.baselines.information_loops import add_up_information
+from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
 from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
 
@@ -20,12 +22,14 @@ def information_of(particles: list[tuple[float, float]], headings: list[float], 
     """(K,) what one ping tells a vehicle at the origin on each heading [degrees] about particles at these places [m]."""
     x, y = np.array(particles, np.float32).T[:, None, :]
     angle = np.radians(np.array(headings, np.float32)).reshape(1, -1, 1)
-    likelihood = tabulate_likelihood(Belief(weight_floor=0.0))
+    likelihood = tabulate_likelihood(Belief(weight_floor=0.0), Water())
     entropy = -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1)
     information = np.zeros((1, len(headings)), np.float32)
     zero = np.zeros_like(angle)
     table = np.full(200, chance, np.float32)
-    add_up_information(x, y, zero, zero, np.cos(angle), np.sin(angle), table, likelihood, entropy, information)
+    none = np.zeros(1, np.float32)
+    poses = (zero, zero, np.cos(angle), np.sin(angle))
+    add_up_information(x, y, *poses, none, none, table, likelihood, entropy, False, information)
     return information[0]
 
 
@@ -39,7 +43,7 @@ def test_information_is_worth_the_chance_of_hearing_it() -> None:
 
 
 def test_readings_beyond_the_edge_of_hearing_tell_nothing() -> None:
-    chance = tabulate_chance(Water())
+    chance = tabulate_chance(Water(), Belief())
     assert chance[0] == pytest.approx(0.8 * 0.93**2 + 0.2 * 0.15**2, rel=1e-3)
     assert chance[100] == pytest.approx(chance[0] / 4, rel=0.1)  # at L either hydrophone hears half
     assert chance[-1] < 1e-12
@@ -47,7 +51,7 @@ def test_readings_beyond_the_edge_of_hearing_tell_nothing() -> None:
 
 def test_likelihood_peaks_at_the_units_of_equation_5() -> None:
     """Ahead is 90 degrees from the perpendicular: -0.729 + 0.162 + 8.523 - 0.2757 = 7.68 units; abeam -0.28, astern -8.18."""
-    likelihood = tabulate_likelihood(Belief())
+    likelihood = tabulate_likelihood(Belief(), Water())
     np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-5)
     astern, abeam, ahead = (likelihood[row].argmax() - 9 for row in (0, len(likelihood) // 2, -1))
     assert (astern, abeam, ahead) == (-8, 0, 8)
@@ -103,3 +107,30 @@ def test_planner_keeps_out_of_its_perimeter(make_simulation: Make, sight: Sight,
     observation = sight(distance=32.0, heading=np.degrees(vehicle["compass"]), bearing=-np.degrees(vehicle["compass"]))
     action, _ = Information(simulation=simulation, perimeter=31.0).predict(observation)
     assert abs(course_of(action)[0]) >= 60
+
+
+def test_range_tells_which_of_two_places_ahead_is_right_and_nothing_about_two_abeam() -> None:
+    """Particles 100 m apart along the line of sight: one bit; mirrored across it: none."""
+    scenario = SCENARIOS["TagTrack/RangeOnly-v0"]
+    likelihood = tabulate_likelihood(scenario.belief, scenario.water)
+    np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-5)
+    assert presence_or_range([(200, 0), (300, 0)], likelihood) == pytest.approx(math.log(2), abs=1e-3)
+    assert presence_or_range([(200, 100), (200, -100)], likelihood) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_presence_tells_most_at_the_edge_and_little_within() -> None:
+    scenario = SCENARIOS["TagTrack/AreaOnly-v0"]
+    likelihood = tabulate_likelihood(scenario.belief, scenario.water)
+    across_edge, within = (presence_or_range([(near, 0), (near + 150, 0)], likelihood) for near in (265, 20))
+    assert across_edge > 10 * within > 0
+    assert tabulate_chance(scenario.water, scenario.belief).tolist() == [1.0]  # silence tells, too
+
+
+def presence_or_range(particles: list[tuple[float, float]], likelihood: np.ndarray) -> float:
+    """What one ping at the origin tells [nats] where readings go by distance."""
+    x, y = np.array(particles, np.float32).T[:, None, :]
+    entropy = -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1)
+    information, place, none = np.zeros((1, 1), np.float32), np.zeros((1, 1, 1), np.float32), np.zeros(1, np.float32)
+    chance = np.ones(1, np.float32)
+    add_up_information(x, y, place, place, place + 1, place, none, none, chance, likelihood, entropy, True, information)
+    return float(information[0, 0])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from tagtrack.baselines.circle import Circle
@@ -10,6 +11,8 @@ from tagtrack.baselines.information import Information
 from tagtrack.baselines.registry import BASELINES, make_baseline
 from tagtrack.baselines.simple import Random
 from tagtrack.baselines.three_step import ThreeStep
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.simulation import Simulation
 
 Make = Callable[..., Simulation]
@@ -66,3 +69,31 @@ def test_bad_parameter_is_named_by_the_constructor_too(make_simulation: Make) ->
         Random(scenario=scenario, hold=-1.0)
     with pytest.raises(ValueError, match="Information steers one vehicle, got a simulation of 2"):
         Information(simulation=make_simulation(vehicles=2))
+
+
+@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize("env_id", SCENARIOS)
+def test_every_baseline_sails_in_every_task(env_id: str, name: str) -> None:
+    """Through the first pings, in two worlds, with what it does there unless told otherwise."""
+    simulation = Simulation(with_overrides(SCENARIOS[env_id], {"belief.particles": 100}), 2)
+    policy, state = make_baseline(name, simulation), None
+    observation = simulation.reset(seed=0)
+    for _ in range(12):
+        action, state = policy.predict(observation[:, 0], state)
+        assert action.shape == (2, len(simulation.action_names)) and np.isfinite(action).all()
+        simulation.step(action[:, np.newaxis])
+
+
+def test_circle_of_area_only_is_the_papers_at_four_fifths_of_the_working_range() -> None:
+    """0.8 * 250 m."""
+    simulation = Simulation(with_overrides(SCENARIOS["TagTrack/AreaOnly-v0"], {"belief.particles": 10}))
+    assert make_baseline("circle", simulation).radius == pytest.approx(200.0, abs=0.5)
+    assert make_baseline("circle:270", simulation).radius == 270.0
+
+
+def test_baselines_measure_distance_as_the_task_scales_it() -> None:
+    """A belief 600 m off: twelve lengths of the stereo task, three of the ranging one."""
+    simulation = Simulation(with_overrides(SCENARIOS["TagTrack/RangeOnly-v0"], {"belief.particles": 10}))
+    observation = simulation.reset(seed=0)[:, 0].copy()
+    observation[0, 0] = 3.0
+    assert make_baseline("circle", simulation)._read(observation).distance[0] == pytest.approx(600.0)

@@ -15,18 +15,11 @@ from tagtrack.envs.belief.filter import Belief
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.kernels.weight_loops import bearing_units
 from tagtrack.envs.scenario import Scenario, Start
-from tagtrack.envs.sim.acoustics import (
-    CONTACT,
-    StereoHydrophone,
-    Tag,
-    Water,
-    bearing_in_units,
-    expected_strength,
-    hearing_chance,
-    listen,
-)
+from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
 from tagtrack.envs.sim.geometry import relative_bearing, wrap_angle
 from tagtrack.envs.sim.motion import BrownianWalk
+from tagtrack.envs.sim.receivers import StereoHydrophone, bearing_in_units, expected_strength
+from tagtrack.envs.sim.tags import TARGET, Tag
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 
@@ -36,11 +29,11 @@ ALWAYS = Water(noisy_share=0.0, clear_hearing=1.0, reach=1e6)  # every ping is h
 
 
 @numba.njit
-def listen_often(contact, vehicle, fish_x, fish_y, water, receiver, seed, heard, units, strength):
+def listen_often(contact, vehicle, target, fish_x, fish_y, tag, water, receiver, seed, heard, units, strength):
     """One ping in each of as many steps as ``heard`` is long."""
     for i in range(heard.shape[0]):
         stream = (np.uint64(seed), np.uint64(0), np.uint64(0), np.uint64(i))
-        listen(contact, vehicle, fish_x, fish_y, True, stream, 0, water, receiver, 1.0)
+        listen(contact, vehicle, target, fish_x, fish_y, True, stream, 0, tag, water, receiver, i + 1.0, 1.0)
         heard[i] = contact.detected
         units[i] = contact.units
         strength[i] = contact.strength
@@ -54,8 +47,9 @@ def readings(bearing=0.0, distance=40.0, count=40_000, water=ALWAYS, receiver=No
     fish_y = -200.0 + distance * math.sin(heading + bearing)
     contact = np.zeros(1, CONTACT)
     heard, units, strength = np.zeros(count, bool), np.zeros(count), np.zeros(count)
-    receiver = to_record(receiver or StereoHydrophone())[0]
-    listen_often(contact[0], vehicle[0], fish_x, fish_y, to_record(water)[0], receiver, seed, heard, units, strength)
+    rules = (to_record(part)[0] for part in (Tag(), water, (receiver or StereoHydrophone()).rule()))
+    target = np.zeros(1, TARGET)
+    listen_often(contact[0], vehicle[0], target[0], fish_x, fish_y, *rules, seed, heard, units, strength)
     return heard, units, strength
 
 

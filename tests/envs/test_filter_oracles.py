@@ -16,20 +16,19 @@ from tagtrack.envs.belief.filter import (
     FILTERS,
     Belief,
     Estimate,
-    Weighting,
-    begin_weights,
     correct,
     filter_rule,
     make_scratch,
     predict,
     spread_particles,
     summarize,
-    weigh,
 )
+from tagtrack.envs.belief.weighing import Weighting, begin_weights, weigh
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.acoustics import CONTACT, StereoHydrophone, Water
+from tagtrack.envs.sim.acoustics import CONTACT, Water
 from tagtrack.envs.sim.motion import BrownianWalk, MomentumRandomWalk
+from tagtrack.envs.sim.receivers import StereoHydrophone
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval import reference_filter

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.observation import LENGTH, OWN_FEATURES, TAG_FEATURES, features
-from tagtrack.envs.scenario import Scenario, with_overrides
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import observation_space
 

@@ -6,8 +6,9 @@ The bounds are those of the docstrings. The grids take float32 numbers by their 
 import numba
 import numpy as np
 import pytest
+from scipy import stats
 
-from tagtrack.envs.kernels.maths import fast_asin, fast_exp, fast_log, sin_of_turns
+from tagtrack.envs.kernels.maths import fast_asin, fast_exp, fast_log, normal_survival, sin_of_turns
 
 f32 = np.float32
 
@@ -33,6 +34,7 @@ sine = on_rows(sin_of_turns)
 logarithm = on_rows(fast_log)
 exponential = on_rows(fast_exp)
 arcsine = on_rows(fast_asin)
+survival = on_rows(normal_survival)
 
 
 def floats_between(low, high, stride=1):
@@ -149,3 +151,10 @@ def test_numbers_do_not_depend_on_whether_the_code_was_compiled_now_or_before(ru
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     compiled_now, from_the_cache = run_python(DIGEST, "step first"), run_python(DIGEST, "step first")
     assert compiled_now == from_the_cache
+
+
+def test_normal_survival_over_all_that_float32_tells_apart_from_zero_and_one():
+    z = np.linspace(-12.0, 12.0, 1_000_001).astype(f32)
+    assert np.abs(survival(z) - stats.norm.sf(z.astype(np.float64))).max() < 5e-7
+    near_one, near_zero = survival(np.array([-1e4, 1e4], f32))
+    assert near_one == 1.0 and 0.0 <= near_zero < 1e-30

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tagtrack.envs.scenario import SCENARIOS, Scenario, with_overrides
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.envs.vector import TagTrackVectorEnv

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import tagtrack  # noqa: F401  registers the ids
+from tagtrack.envs.area_only import AreaOnlyEnv
 from tagtrack.envs.observation import action_names, features
+from tagtrack.envs.range_only import RangeOnlyEnv
 from tagtrack.envs.scenario import SCENARIOS, Reward, Scenario
 from tagtrack.envs.sim.motion import Replay
 from tagtrack.envs.single import TagTrackEnv
@@ -22,31 +24,39 @@ def make(**arguments) -> TagTrackEnv:
     return TagTrackEnv(**{"particles": 100, **arguments})
 
 
-def table_under(heading: str) -> list[list[str]]:
+def table_under(heading: str, documented: type[TagTrackEnv] = TagTrackEnv) -> list[list[str]]:
     """Rows of the docstring's table under a heading, without its two head lines."""
-    section = inspect.cleandoc(TagTrackEnv.__doc__).split(f"## {heading}\n")[1].split("\n## ")[0]
+    section = inspect.cleandoc(documented.__doc__).split(f"## {heading}\n")[1].split("\n## ")[0]
     rows = [line.strip("| ").split(" | ") for line in section.splitlines() if line.startswith("|")]
     return rows[2:]
 
 
-def test_observation_table_of_the_docstring_agrees_with_the_features() -> None:
-    expected = [
-        [str(k), feature.name, feature.meaning, f"{feature.low:g} to {feature.high:g}"] for k, feature in enumerate(features(1))
-    ]
-    assert table_under("Observation") == expected
+@pytest.mark.parametrize("env_id", SCENARIOS)
+def test_observation_table_of_the_docstring_agrees_with_the_features(env_id: str) -> None:
+    env = gym.make(env_id, particles=10).unwrapped
+    layout = features(1, env.simulation.scenario.receiver.kind)
+    expected = [[str(k), each.name, each.meaning, f"{each.low:g} to {each.high:g}"] for k, each in enumerate(layout)]
+    assert table_under("Observation", type(env)) == expected
+    assert f"``{env_id}``" in type(env).__doc__
 
 
 def test_action_table_of_the_docstring_agrees_with_the_action_names() -> None:
     assert tuple(row[1] for row in table_under("Action")) == action_names(speed_control=True)
 
 
-def test_docstring_names_every_id_every_argument_and_the_default_lengths() -> None:
+def test_docstring_names_every_argument_and_the_default_lengths() -> None:
     text = TagTrackEnv.__doc__
-    assert all(env_id in text for env_id in SCENARIOS)
     assert all(f"{name}:" in text for name in inspect.signature(TagTrackEnv).parameters)
-    assert all(scenario.episode_steps == 300 for scenario in SCENARIOS.values()) and "(both 300 as registered)" in text
+    assert f"(both {Scenario().episode_steps} as registered)" in text
     assert f"{Reward().error_cap:g} m" in text
     assert re.search(r"\* v0:", text)
+
+
+@pytest.mark.parametrize("env_class", [TagTrackEnv, RangeOnlyEnv, AreaOnlyEnv])
+def test_environments_made_without_an_id_are_those_of_their_docstring(env_class: type[TagTrackEnv]) -> None:
+    env = env_class(particles=10)
+    assert gym.spec(env.default_id).entry_point == f"{env_class.__module__}:{env_class.__name__}"
+    assert env.observation_space == gym.make(env.default_id, particles=10).observation_space
 
 
 @pytest.mark.parametrize(("env_id", "actions"), [(name, 3 if s.speed_control else 2) for name, s in SCENARIOS.items()])
@@ -57,8 +67,9 @@ def test_spaces_are_finite_float32_boxes(env_id: str, actions: int) -> None:
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (actions,), np.float32)
 
 
-def test_observations_stay_inside_their_bounds_in_bad_water() -> None:
-    env = make(overrides={"water.noisy_share": 0.95})
+@pytest.mark.parametrize("env_id", SCENARIOS)
+def test_observations_stay_inside_their_bounds_in_bad_water(env_id: str) -> None:
+    env = make(env_id=env_id, overrides={"water.noisy_share": 0.95})
     env.action_space.seed(0)
     observation, _ = env.reset(seed=0)
     for _ in range(400):

@@ -10,15 +10,10 @@ from tagtrack.envs.belief.filter import FILTERS, Belief, Weighting
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.kernels.weight_loops import expect_strength, weigh_bearing, weigh_combined, weigh_strength
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sim.acoustics import (
-    LARGEST_UNIT,
-    StereoHydrophone,
-    Tag,
-    Water,
-    bearing_in_units,
-    expected_strength,
-)
+from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.motion import BrownianWalk, LevyFlight, MomentumRandomWalk
+from tagtrack.envs.sim.receivers import LARGEST_UNIT, StereoHydrophone, bearing_in_units, expected_strength
+from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.vehicle import Vehicle
 
 f32 = np.float32

@@ -1,0 +1,111 @@
+"""Where particles come from when resampling has none to give: a first range, compound resampling; and the row of estimated reach.
+
+Masmitja et al. 2020 spread a share of the particles around the last estimate at each resampling; the unknown range of a
+presence receiver as a further row of the particles is ours.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.maths import sin_of_turns
+from tagtrack.envs.kernels.motion_loops import scatter_on_annulus
+from tagtrack.envs.kernels.random import (
+    PURPOSES,
+    REACH,
+    RENEWAL,
+    SPREAD,
+    bits_to_normals,
+    fill_bits,
+    high_unit,
+    uniform_pair,
+)
+from tagtrack.envs.kernels.resample_loops import total_weight
+from tagtrack.envs.kernels.summary_loops import mean_of, variance_about
+
+f32 = np.float32
+RING = 4.0  # half width of the ring of a range, in its standard deviations
+LEAST_FIT = 1.0 / 200.0
+
+
+@compiled
+def is_refuted(weight, readings, rule):
+    """Whether ranges fit hardly any particle: of the largest likelihood less than 1/200 is left on average.
+
+    A cloud that covers the fish stays above this until it is some hundred times as wide as a range is sure: a belief so
+    refuted sits in the wrong place, as in the mirror image of the right one.
+    """
+    peak = 1.0 / (math.sqrt(2.0 * math.pi) * rule.receiver.range_sigma)
+    return total_weight(weight) / weight.shape[0] < (rule.weight_floor + LEAST_FIT * peak) ** readings
+
+
+@compiled
+def scatter_on_ring(particles, vehicle, contact, stream, row, rule, scratch):
+    """A first range, or one that refutes the belief, says where particles must be: on a ring about the vehicle.
+
+    They are spread evenly across it, so that the weighing that follows gives them the range's own density.
+    """
+    receiver = rule.receiver
+    fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
+    width = RING * receiver.range_sigma / receiver.range_factor
+    middle = contact.slant_range / receiver.range_factor
+    least = max(middle - width, contact.depth)
+    largest = max(middle + width, contact.depth + width)
+    scatter_on_annulus(
+        particles[0], particles[1], scratch.bits, f32(vehicle.believed_x), f32(vehicle.believed_y),
+        f32(math.sqrt(max((least - contact.depth) * (least + contact.depth), 0.0))),
+        f32(math.sqrt(max((largest - contact.depth) * (largest + contact.depth), 0.0))),
+    )  # fmt: skip
+
+
+@compiled
+def renew(particles, belief, stream, row, rule):
+    """Compound resampling: every n-th particle moves to a random place about the last estimate, before all are weighed.
+
+    Children of one parent lie side by side after resampling: every n-th takes from all alike.
+    """
+    count = int(rule.renewed_share * particles.shape[1])
+    spread = rule.receiver.max_range_spread
+    for k in range(count):
+        i = k * particles.shape[1] // count
+        area, direction = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k)
+        distance = f32(rule.renewed_radius) * np.sqrt(f32(area))
+        turn = f32(direction) - f32(0.5)
+        particles[0, i] = f32(belief.estimate_x) + distance * sin_of_turns(f32(0.25) - abs(turn))
+        particles[1, i] = f32(belief.estimate_y) + distance * sin_of_turns(turn)
+        if particles.shape[0] > 4:
+            unit, _ = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k + 1)
+            particles[4, i] = rule.receiver.max_range + spread * (2.0 * unit - 1.0)
+
+
+@compiled
+def spread_reach(reach, stream, row, receiver, scratch):
+    """First ranges [m], uniform over the interval that the belief assumes."""
+    fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
+    middle = f32(receiver.max_range)
+    width = f32(2.0 * receiver.max_range_spread)
+    for i in range(reach.shape[0]):
+        reach[i] = middle + width * (high_unit(scratch.bits[i]) - f32(0.5))
+
+
+@compiled
+def walk_reach(reach, stream, row, receiver, scratch):
+    """A small step of each range within the interval: resampling alone would leave but a few values."""
+    fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
+    bits_to_normals(scratch.bits, scratch.normal_1, scratch.normal_2)
+    step = f32(receiver.max_range_walk)
+    least = f32(receiver.max_range - receiver.max_range_spread)
+    largest = f32(receiver.max_range + receiver.max_range_spread)
+    for i in range(reach.shape[0]):
+        reach[i] = min(max(reach[i] + step * scratch.normal_1[i], least), largest)
+
+
+@compiled
+def summarize_reach(reach, belief):
+    """Mean and standard deviation of the ranges [m]."""
+    mean = mean_of(reach)
+    belief.max_range = mean
+    belief.max_range_spread = math.sqrt(variance_about(reach, mean))
