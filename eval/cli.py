@@ -1,4 +1,4 @@
-"""`python -m eval`: one command each for comparing, tuning, timing and checking."""
+"""`python -m eval`: one command each for comparing, tuning, timing, checking and calibrating."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from tagtrack.eval.benchmark import Benchmark
+from tagtrack.eval.calibrate import Calibrate
 from tagtrack.eval.check_consistency import Consistency
 from tagtrack.eval.speed import Speed
 from tagtrack.eval.tradeoff import Tradeoff
@@ -20,8 +21,9 @@ Command = (
     | Annotated[Tradeoff, tyro.conf.subcommand("tradeoff")]
     | Annotated[Consistency, tyro.conf.subcommand("consistency")]
     | Annotated[Speed, tyro.conf.subcommand("speed")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
 )
-DESCRIPTION = "Compare policies on the same fish, tune baselines, check the belief, time the simulation."
+DESCRIPTION = "Compare policies on the same fish, tune baselines, check the belief, time the simulation, calibrate tags."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

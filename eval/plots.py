@@ -61,7 +61,7 @@ def plot_errors(errors: Mapping[str, ArrayLike], *, lost_error: float = LOST_ERR
         errors: by policy, arrays of any shape [m]; NaN steps are left out.
         lost_error: marked where it falls into the picture [m].
     """
-    figure, (axes,) = _figure(width=9.0, height=4.8)
+    figure, (axes,) = empty_figure(width=9.0, height=4.8)
     axes.set_xscale("log")
     share = np.linspace(0, 1, 1001)
     first, last = [], []
@@ -96,7 +96,7 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
     rows = -(-len(tracks) // columns)
     panel_height = np.clip(3.6 * (high[1] - low[1]) / (high[0] - low[0]), 1.8, 6.5)
     width, height = max(3.6 * columns, 5.5), rows * (panel_height + 0.4) + 1.0
-    figure, panels = _figure(width=width, height=height, rows=rows, columns=columns, shared=True)
+    figure, panels = empty_figure(width=width, height=height, rows=rows, columns=columns, shared=True)
     for index, (name, track) in enumerate(tracks.items()):
         axes = panels[index]
         axes.plot(*track.fish.T, color=FISH, lw=3.0, label="fish")
@@ -135,7 +135,7 @@ def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], level
     """
     from matplotlib.ticker import EngFormatter
 
-    figure, (axes,) = _figure(width=7.5, height=4.4)
+    figure, (axes,) = empty_figure(width=7.5, height=4.4)
     looks = _looks()
     for (name, curve), (colour, _) in zip(curves.items(), looks, strict=False):
         steps, error = (np.asarray(values, dtype=np.float64) for values in curve)
@@ -158,7 +158,7 @@ def plot_tradeoff(curves: Mapping[str, TradeoffCurve], *, perimeter: float | Non
     Args:
         perimeter: named on the axis if given [m].
     """
-    figure, (axes,) = _figure(width=7.5, height=5.0)
+    figure, (axes,) = empty_figure(width=7.5, height=5.0)
     for (name, curve), (colour, style) in zip(curves.items(), _looks(), strict=False):
         (inside, inside_reach), (error, error_reach) = _error_bars(curve.inside, 100), _error_bars(curve.error)
         axes.errorbar(inside, error, error_reach, inside_reach, fmt="none", ecolor=colour, elinewidth=0.8)
@@ -182,7 +182,7 @@ def plot_calibration(shares: Mapping[str, Mapping[float, Interval]]) -> Figure:
     Args:
         shares: by belief, the share by nominal probability; all beliefs with the same probabilities.
     """
-    figure, (axes,) = _figure(width=6.5, height=4.2)
+    figure, (axes,) = empty_figure(width=6.5, height=4.2)
     nominal = list(next(iter(shares.values())))
     width = min(0.8 / len(shares), 0.35)
     centre = (len(shares) - 1) / 2
@@ -202,7 +202,7 @@ def plot_calibration(shares: Mapping[str, Mapping[float, Interval]]) -> Figure:
     return figure
 
 
-def _figure(
+def empty_figure(
     *, width: float, height: float, rows: int = 1, columns: int = 1, shared: bool = False
 ) -> tuple[Figure, list[Axes]]:
     """An empty figure [inch] and its panels, row by row; shared: all panels to one scale, with equal axes."""

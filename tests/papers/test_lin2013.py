@@ -1,0 +1,141 @@
+"""Lin et al. 2013, time-of-flight distance: the numbers of IV.B and IV.C, Tables I and II, and what follows from them."""
+
+import numpy as np
+import pytest
+
+from tagtrack.envs.belief.calibration import NOMINAL_PERIODS, TAU, TICK, Kind, average_differences, calibrate, sort_differences
+from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
+from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+
+# Time difference [s] and its frequency: code 117 of tag 55436.
+TABLE_I = {
+    0.04875: 3,
+    0.04896: 1,
+    3.95104: 3,
+    3.99958: 55,
+    3.99959: 30,
+    3.99979: 1172,
+    3.99980: 235,
+    3.99999: 1,
+    4.00000: 43,
+    7.95063: 1,
+    7.99937: 1,
+    7.99958: 1,
+}
+OUTLIERS = [[0.04875, 3.95104]] * 3 + [[0.04896, 7.95063], [7.99937], [7.99958]]  # the pairs sum to one or two periods
+SPEED = 1500.0  # [m/s] (Fig. 6)
+TAG_55488 = CodedTag(codes=(117, 2, 3, 4, 5), burst_period=1.99988)  # of five codes 117 is in every burst
+HUNDRED_MINUTES, DAY_OF_FIG_6 = 6000.0, 22 * 3600.0
+
+
+def arrivals_of_table_one():
+    """A record with just these differences: regular ones in any order, outliers spread among them."""
+    regular = [[value] * frequency for value, frequency in TABLE_I.items() if abs(value - 4.0) <= 0.01]
+    steps = np.random.default_rng(0).permutation(np.concatenate(regular))
+    for place, outlier in zip(range(1400, 0, -230), OUTLIERS, strict=False):
+        steps = np.insert(steps, place, outlier)
+    return np.append(0.0, np.cumsum(steps))
+
+
+def records(tag, number, duration=HUNDRED_MINUTES):
+    """Arrivals of code 117 in independent records."""
+    for seed in range(number):
+        yield simulate_arrivals(tag, CodeReceiver(), duration=duration, generator=np.random.default_rng(seed)).of_code(117)
+
+
+def test_constants_of_the_method():
+    assert TAU == 0.01  # [s] (IV.B.2)
+    assert NOMINAL_PERIODS == (2.0, 4.0)  # [s] (IV.B.1)
+    assert LARGEST_JUMP == 50.0  # [m] (Alg. 1)
+    assert CodeReceiver().resolution == 1e-5  # [s] (III.A)
+
+
+def test_table_one_gives_table_two():
+    arrival = arrivals_of_table_one()
+    found = average_differences(sort_differences(arrival))
+    assert round(found.period, 5) == 3.99979
+    assert round(found.sigma, 5) == 0.00006  # its "error" is the spread of the differences, not of their mean
+    assert round(arrival[-1] / 60) == 103  # "roughly 100 minutes", "105 minutes"
+
+
+def test_outliers_of_table_one_are_told_by_their_cause():
+    differences = sort_differences(arrivals_of_table_one())
+    counts = {kind.name: len(differences.of_kind(kind)) for kind in Kind}
+    assert counts == {"REGULAR": 1536, "MISSED": 2, "NEIGHBOURING": 8, "SHIFTED": 0}
+    assert sum(TABLE_I.values()) == 1546
+
+
+def test_the_line_agrees_with_the_mean_within_the_means_standard_error():
+    found = calibrate(arrivals_of_table_one())
+    assert found.stretches == 1
+    assert abs(found.by_line.period - found.by_differences.period) < found.by_differences.standard_error < 2e-6
+
+
+def test_differences_of_table_one_are_whole_ticks_of_the_receiver():
+    differences = np.array(list(TABLE_I))
+    off = np.abs(differences - np.round(differences / TICK) * TICK)
+    assert off.max() <= 1e-5 + 1e-12  # two arrivals, each rounded to 1e-5 s
+
+
+def test_ticks_explain_five_to_one_between_the_last_digits():
+    """19199 ticks are 399979 1/6 steps of 1e-5 s: five times in six 3.99979, else 3.99980."""
+    assert TABLE_I[3.99979] / (TABLE_I[3.99979] + TABLE_I[3.99980]) == pytest.approx(5 / 6, abs=0.02)
+
+
+@pytest.mark.parametrize(("tag", "period", "sigma"), [(CodedTag(), 3.99979, 0.00006), (TAG_55488, 1.99988, 0.00010)])
+def test_the_simulated_tags_have_the_rows_of_table_two(tag, period, sigma):
+    estimates = [calibrate(arrival).by_differences for arrival in records(tag, 20)]
+    assert round(float(np.mean([estimate.period for estimate in estimates])), 5) == period
+    assert round(float(np.mean([estimate.sigma for estimate in estimates])), 5) == sigma
+
+
+def test_the_simulated_record_has_the_outliers_of_table_one():
+    """8 differences by neighbours, 2 by missed codes in 1546; the means of 40 records within three standard errors."""
+    found = [calibrate(arrival[:1547]).differences for arrival in records(CodedTag(), 40, duration=6300.0)]
+    assert {differences.value.size for differences in found} == {1546}
+    neighbouring, missed = (np.mean([len(each.of_kind(kind)) for each in found]) for kind in (Kind.NEIGHBOURING, Kind.MISSED))
+    assert neighbouring == pytest.approx(8, abs=3 * 2 * 2 / 40**0.5)  # two differences by each of four strays
+    assert missed == pytest.approx(3, abs=3 * 3**0.5 / 40**0.5)  # Table I's third miss follows a neighbour
+    assert all(len(each.of_kind(Kind.SHIFTED)) == 0 for each in found)
+
+
+def test_period_is_within_2e_6_of_the_truth_after_100_minutes():
+    for arrival in records(CodedTag(), 50):
+        found = calibrate(arrival)
+        for estimate in (found.by_line, found.by_differences):
+            assert abs(estimate.period - CodedTag().period(117)) < 2e-6
+            assert estimate.standard_error < 2e-6
+
+
+def test_the_error_of_a_mean_of_differences_is_as_large_as_the_drift_of_figure_6():
+    """With clocks that do not drift at all: 1.5 m and 8 m after 22 h were seen, and the line would err by less than 0.5 m."""
+    tag = CodedTag(wander=0.0)
+    found = [calibrate(arrival) for arrival in records(tag, 60)]
+    pings = DAY_OF_FIG_6 / tag.period(117)
+    by_mean, by_line = (
+        SPEED * pings * np.std([getattr(each, by).period - tag.period(117) for each in found])
+        for by in ("by_differences", "by_line")
+    )
+    assert 1.5 < by_mean < 8.0
+    assert by_line < 0.5
+
+
+def test_clocks_wander_as_far_as_in_figure_6():
+    """1.5 m and 8 m are 5.8 m root mean square; 400 walks know theirs to 4 %."""
+    generator = np.random.default_rng(0)
+    errors = [clock_wander(CodedTag().wander, 120.0, 660, generator)[-1] for _ in range(400)]
+    assert SPEED * np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.sqrt((1.5**2 + 8.0**2) / 2), rel=0.12)
+
+
+def test_ranges_four_hours_after_calibration_are_good_to_3_metres():
+    """Tag and hydrophone stay together; the clock of the first 100 minutes is trusted until the end (Table III)."""
+    for arrival in records(TAG_55488, 20, duration=HUNDRED_MINUTES + 4 * 3600.0):
+        clock = calibrate(arrival[arrival < HUNDRED_MINUTES]).clock
+        ranges = time_of_flight_range(arrival[arrival > arrival[-1] - 1200.0, None], clock, SPEED)
+        ranges = ranges[np.abs(ranges) < LARGEST_JUMP]  # a neighbouring code is 73 m off
+        assert abs(np.mean(ranges)) < 3.0
+        assert np.std(ranges) < 3.0
+
+
+def test_reach_of_a_period_of_two_seconds_is_1500_metres():
+    assert aliasing_range(TagClock(period=1.99988, first_ping=0.0), SPEED) == pytest.approx(1500.0, abs=0.1)
