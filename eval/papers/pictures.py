@@ -42,6 +42,7 @@ def plot_rows(rows: Sequence[Row], label: str, *, logarithmic: bool = False) -> 
         if logarithmic:
             axes.set_xscale("log")
             axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter("")
     for axes in panels[len(tables) :]:
         axes.set_visible(False)
     handles, labels = panels[0].get_legend_handles_labels()

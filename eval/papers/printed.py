@@ -44,6 +44,9 @@ CLARK2013_TABLE_V = _table(
     },
 )
 
+# Usable signals a minute of auv2Track: "just over 25" at most, "as low as 3" (6.2).
+CLARK2013_SIGNAL_RATES = MappingProxyType({"highest": 25.0, "lowest": 3.0})
+
 # How often each difference [s] of code 117 from tag 55436 occurred in 105 minutes.
 LIN2013_TABLE_I = MappingProxyType(
     {

@@ -15,6 +15,7 @@ from tagtrack.eval.papers.clark2013_twin import (
 from tagtrack.eval.papers.frame import Size
 from tagtrack.eval.papers.lin2013_twin import CODE, TAGS
 from tagtrack.eval.papers.printed import (
+    CLARK2013_SIGNAL_RATES,
     CLARK2013_TABLE_III,
     CLARK2013_TABLE_V,
     LIN2013_FIG_6,
@@ -52,6 +53,10 @@ def numbers(text):
 @pytest.mark.parametrize(("ours", "printed"), [(CLARK2013_TABLE_III, TABLE_III), (CLARK2013_TABLE_V, TABLE_V)])
 def test_tables_of_clark2013(ours, printed):
     assert {row: list(columns.values()) for row, columns in ours.items()} == numbers(printed)
+
+
+def test_signal_rates_of_clark2013():
+    assert CLARK2013_SIGNAL_RATES == {"highest": 25, "lowest": 3}  # 6.2
 
 
 def test_tables_of_lin2013():
