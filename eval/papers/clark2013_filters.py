@@ -89,14 +89,16 @@ NOTE = (
     "95 % of them), each filtered in as many trials as the paper's, with 1,000 particles (the paper prints no number). "
     "Assumed: AUV2 makes straight legs at 0.7 m/s for 90 s with 30 s of idling; eel grass is bursts of losses of 60 s, 35 % "
     "of the time; v_max of the Brownian walk is 1 m/s. The standard filter and that with signal strength come out as "
-    "printed. The Brownian and Lévy ones are worse, because their particles cannot keep up with this carrier or fly too "
-    "far: a slow carrier restores the order, another v_max and bounded steps the size (the tables below)."
+    "printed. The Brownian ones and the Lévy ones of small gamma are worse than printed, because their particles cannot "
+    "keep up with this carrier; with a slow carrier, or another v_max, they do, and the order is nearly the printed one. "
+    "Lévy flights of large gamma fling particles out of hearing; with bounded steps they do not (the tables below)."
 )
 
 
 ON_SPEED = (
-    "As Table III, the second vehicle slow. No filter is left behind any more, and the printed order comes back: best is "
-    "the walk that spreads its particles least beyond what the tag needs."
+    "As Table III, the second vehicle slow (6.2 has it mimic 'the relatively slow movement of a leopard shark'). No filter "
+    "is left behind any more and the order is nearly the printed one, most errors a third to a half of the printed: among "
+    "filters that keep up, best is the walk that spreads its particles least."
 )
 ON_WALK = (
     "As Table III with another v_max, which the paper does not print: 1 m/s, the environments' default, is too little to "
@@ -104,8 +106,8 @@ ON_WALK = (
 )
 ON_BOUNDS = (
     "As Table III with the bounds of the environments' filters, 1 m/s for the momentum walk and 5 m/s for Lévy steps. The "
-    "printed algorithms have none: a bounded momentum walk loses this carrier, while Lévy particles flung out of hearing, "
-    "which the floor of the weights keeps alive, no longer draw the mean away."
+    "printed algorithms have none. A bounded momentum walk loses this carrier, so the printed one had no such bound. Lévy "
+    "particles flung out of hearing, which the floor of the weights keeps alive, no longer draw the mean away."
 )
 
 

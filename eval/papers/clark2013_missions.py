@@ -74,18 +74,18 @@ VARIANTS = (
 
 NOTE_II = (
     "auv2Track, 98 minutes, many times; assumptions as for Table III. Errors are those of the particles' mean, sigma is "
-    "sqrt(sigma_x^2 + sigma_y^2). The printed filter is too sure of itself, the twin's is not: what it assumes of its "
-    "readings is true here, and Alg. 2, which bounds no speed, spreads its particles wider than the tag goes. With noisier "
-    "readings and bounded particles, each by itself a guess, the proportions of the axes come down to the printed ones; e < "
-    "sigma stays below, for then it cannot exceed them by as much as printed."
+    "sqrt(sigma_x^2 + sigma_y^2), which the paper does not define. The printed filter is too sure of itself, the twin's is "
+    "not: Alg. 2, which bounds no speed, spreads its particles wider than the tag goes. Noisier readings alone change "
+    "little; with the particles bounded as well the proportions of the axes are the printed ones. That e < sigma is printed "
+    "above those of the axes no variant gives: another sigma may be meant."
 )
 NOTE_V = (
     "Many missions as the paper's single ones; assumptions as for Table III; start 20 to 100 m from the tag; no eel grass "
     "where the tag rests. The first minute is left out: sigma is 58 m in the square in which particles start, above any "
     "printed maximum of the stationary missions, so the paper cannot have counted it. At rest the paper's smallest sigmas "
-    "and errors are several times ours, and its largest are smaller: its readings were worse than the filter assumes, its "
-    "particles did not run away in silence. Noisier readings bring the first (next table), a bound on the particles' speed "
-    "the second (the one after)."
+    "and errors are several times ours, its largest smaller: as if its readings were worse than the filter assumes and its "
+    "particles did not run away in silence. Noisier readings bring the errors to the printed ones (next table), a bound on "
+    "the particles' speed the largest sigmas (the one after); neither brings both."
 )
 
 
