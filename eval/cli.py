@@ -1,4 +1,4 @@
-"""`python -m eval`: one command each for comparing, tuning, timing, checking and calibrating."""
+"""`python -m eval`: one command each for comparing, tuning, timing, checking, calibrating and repeating the papers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import tyro
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.calibrate import Calibrate
 from tagtrack.eval.check_consistency import Consistency
+from tagtrack.eval.papers.command import Papers
 from tagtrack.eval.speed import Speed
 from tagtrack.eval.tradeoff import Tradeoff
 from tagtrack.eval.tune import Tune
@@ -22,8 +23,12 @@ Command = (
     | Annotated[Consistency, tyro.conf.subcommand("consistency")]
     | Annotated[Speed, tyro.conf.subcommand("speed")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[Papers, tyro.conf.subcommand("papers")]
 )
-DESCRIPTION = "Compare policies on the same fish, tune baselines, check the belief, time the simulation, calibrate tags."
+DESCRIPTION = (
+    "Compare policies on the same fish, tune baselines, check the belief, time the simulation, calibrate tags, "
+    "repeat the papers' experiments."
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

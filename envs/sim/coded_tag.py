@@ -8,7 +8,7 @@ heard is another model's business.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,16 +83,17 @@ def simulate_arrivals(
     *,
     duration: float,
     generator: np.random.Generator,
-    distance: float = 0.0,
+    distance: float | Callable[[NDArray[np.float64]], NDArray[np.float64]] = 0.0,
     sound_speed: float = USUAL_SOUND_SPEED,
     power_cycles: Sequence[float] = (),
 ) -> Arrivals:
-    """What a receiver records of one tag at rest.
+    """What a receiver records of one tag.
 
     Args:
         duration: of the record [s].
         generator: the source of all chance, the phase of the first burst included.
-        distance: from tag to hydrophone [m]; 0 when the two are taped together.
+        distance: from tag to hydrophone [m]; 0 when the two are taped together. Of a tag or receiver that moves, a function of
+            the times (K, 3) at which codes are sent [s].
         sound_speed: [m/s].
         power_cycles: when the tag is turned off and on again [s], rising: its bursts start anew, at another phase.
     Returns:
@@ -106,7 +107,8 @@ def simulate_arrivals(
     sent, burst = _send_bursts(tag, starts, duration, generator)
     position = np.arange(BURST)
     codes = np.array(tag.bursts)[burst % 2]
-    arrival = sent[:, None] + tag.code_spacing * position + distance / sound_speed
+    sending = sent[:, None] + tag.code_spacing * position
+    arrival = sending + (distance(sending) if callable(distance) else distance) / sound_speed
     misread = (generator.random(codes.shape) < receiver.misread) & (position > 0)
     read = np.where(misread, np.roll(codes, 1, axis=1), codes)
     heard = generator.random(codes.shape) >= receiver.missed

@@ -106,3 +106,15 @@ def test_a_record_survives_its_file(tmp_path):
 def test_wrong_numbers_are_refused(make, complaint):
     with pytest.raises(ValueError, match=complaint):
         make()
+
+
+def test_sound_from_a_moving_tag_is_under_way_for_as_long_as_it_was_far_when_it_was_sent():
+    """At 3 m/s away from the receiver a period of 4 s is stretched by 12 m / 1500 m/s = 8 ms."""
+    exact = CodeReceiver(jitter=0.0, tick=1e-9, resolution=1e-9, missed=0.0, misread=0.0)
+    tag = CodedTag(wander=0.0)
+
+    def arrivals(distance):
+        return simulate_arrivals(tag, exact, duration=60.0, generator=np.random.default_rng(0), distance=distance).of_code(117)
+
+    np.testing.assert_allclose(np.diff(arrivals(lambda time: 3.0 * time)), tag.period(117) * (1 + 3 / 1500), atol=1e-8)
+    np.testing.assert_allclose(arrivals(lambda time: np.full(time.shape, 75.0)), arrivals(75.0), atol=1e-12)

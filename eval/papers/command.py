@@ -1,0 +1,87 @@
+"""`python -m eval papers`: simulated twins of the papers' experiments, as a table, a JSON file and pictures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import rich
+import tyro
+
+from tagtrack.eval.papers.document import as_markdown_page, console_table, papers_document
+from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size
+from tagtrack.eval.papers.registry import EXPERIMENTS
+from tagtrack.eval.plots import save_figure
+from tagtrack.eval.progress import progress_bar
+from tagtrack.eval.report import write_json, write_text
+from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
+from tagtrack.eval.rollout import SeedBlock, block_seed
+from tagtrack.eval.versions import collect_versions
+
+OWN_FILES = ("papers.json", "papers.md", *(f"{paper}_*.png" for paper in EXPERIMENTS))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Papers:
+    """Repeat the papers' experiments in simulation and set our figures beside the printed ones.
+
+    Writes papers.json (one row for each printed figure), papers.md (the same as tables, with what was assumed and why figures
+    differ) and a picture for each table. The papers did each experiment once: ours is the median of many repetitions, in brackets
+    their middle 95 %. Nothing is tuned to match.
+    """
+
+    paper: Annotated[str | None, tyro.conf.arg(metavar="|".join(EXPERIMENTS), help_behavior_hint="(all)")] = None
+    """Of which paper."""
+    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """A few repetitions with few particles: shows that it runs, its figures mean nothing."""
+    seed: int = 0
+    """Of the first repetition; the others follow."""
+    threads: int = 1
+    """Threads of simulation and filters; results do not depend on them."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/papers-PAPER-TIME)")] = None
+    """Folder to write; earlier results of this command are replaced."""
+
+    def run(self) -> None:
+        """Run it."""
+        if self.paper is not None and self.paper not in EXPERIMENTS:
+            raise ValueError(f"unknown paper {self.paper!r}; known: {', '.join(EXPERIMENTS)}")
+        if self.threads < 1:
+            raise ValueError(f"--threads must be at least 1, got {self.threads}")
+        first = block_seed(SeedBlock.BENCHMARK, self.seed)
+        out = self.out or default_folder("papers", self.paper or "all")
+        require_replaceable(out, OWN_FILES, "comparison with the papers")
+        size = QUICK if self.quick else Size()
+        found, seconds = self.repeat(size, first)
+        document = papers_document(found, seconds=seconds, seed=self.seed, size=size, versions=collect_versions())
+        rich.print(console_table(document))
+        with replace_results(out, OWN_FILES) as folder:
+            write_json(folder / "papers.json", document)
+            write_text(folder / "papers.md", as_markdown_page(document))
+            for name, figure in figures_of(found).items():
+                save_figure(folder / f"{name}.png", figure)
+        print(f"written: {out}")
+
+    def repeat(self, size: Size, seed: int) -> tuple[dict[Experiment, Findings], dict[Experiment, float]]:
+        """What each experiment found, and the time it took [s]."""
+        chosen = [each for paper, experiments in EXPERIMENTS.items() if self.paper in (None, paper) for each in experiments]
+        found, seconds = {}, {}
+        with progress_bar(sum(experiment.steps(size) for experiment in chosen)) as advance:
+            for experiment in chosen:
+                begun = time.perf_counter()
+                title = f"{experiment.paper}, {experiment.table}"
+                setting = Setting(size=size, seed=seed, threads=self.threads, advance=_bind(advance, title))
+                found[experiment] = experiment.run(setting)
+                seconds[experiment] = time.perf_counter() - begun
+        return found, seconds
+
+
+def figures_of(found: Mapping[Experiment, Findings]) -> dict[str, Any]:
+    """All figures by file name."""
+    return {name: figure for findings in found.values() for name, figure in findings.figures.items()}
+
+
+def _bind(advance: Any, title: str) -> Any:
+    return lambda steps: advance(title, steps)

@@ -1,0 +1,75 @@
+"""What the papers print, as they print it; tests/papers pins these numbers to the papers' text.
+
+Clark et al. 2013, Table II stands in ``eval/consistency.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+Table = Mapping[str, Mapping[str, float]]
+
+
+def _table(columns: tuple[str, ...], rows: Mapping[str, tuple[float, ...]]) -> Table:
+    return MappingProxyType({row: MappingProxyType(dict(zip(columns, values, strict=True))) for row, values in rows.items()})
+
+
+# Average error over the first 1,500 s [m].
+CLARK2013_TABLE_III = _table(
+    ("mean", "25th quartile", "median", "75th quartile"),
+    {
+        "Standard PF": (24, 23, 24, 24.4),
+        "Acoustic SS PF": (21, 21, 21, 22),
+        "Brownian only": (19, 19, 19, 19),
+        "Lévy γ = 1e-2": (32, 24, 28, 32),
+        "Lévy γ = 1e-1": (23, 22, 23, 24),
+        "Lévy γ = 1e0": (39, 39, 39, 40),
+        "Combined Brownian": (17, 17, 17, 18),
+        "Combined Lévy γ = 1e-3": (93, 78, 93, 107),
+        "Combined Lévy γ = 1e-2": (22, 20, 21, 24),
+        "Combined Lévy γ = 1e-1": (22, 22, 23, 23),
+        "Combined Lévy γ = 1e0": (28, 27, 28, 28),
+    },
+)
+
+# Error and standard deviations over each mission [m].
+CLARK2013_TABLE_V = _table(
+    ("avg error", "min error", "max error", "min σ_x", "max σ_x", "min σ_y", "max σ_y"),
+    {
+        "auv2Track": (41.73, 0.85, 140.43, 0.85, 106.95, 1.51, 112.75),
+        "stationaryTrackA": (7.01, 0.25, 15.46, 2.61, 13.43, 3.17, 12.00),
+        "stationaryTrackB": (16.88, 1.53, 47.26, 6.92, 23.51, 4.42, 32.68),
+        "stationaryTrackC": (21.70, 3.13, 47.54, 4.21, 29.10, 3.49, 31.05),
+    },
+)
+
+# Usable signals a minute of auv2Track: "just over 25" at most, "as low as 3" (6.2).
+CLARK2013_SIGNAL_RATES = MappingProxyType({"highest": 25.0, "lowest": 3.0})
+
+# How often each difference [s] of code 117 from tag 55436 occurred in 105 minutes.
+LIN2013_TABLE_I = MappingProxyType(
+    {
+        0.04875: 3,
+        0.04896: 1,
+        3.95104: 3,
+        3.99958: 55,
+        3.99959: 30,
+        3.99979: 1172,
+        3.99980: 235,
+        3.99999: 1,
+        4.00000: 43,
+        7.95063: 1,
+        7.99937: 1,
+        7.99958: 1,
+    }
+)
+
+# Period and spread of the differences of code 117 [s], by tag.
+LIN2013_TABLE_II = _table(("T_c", "σ"), {"55436": (3.99979, 0.00006), "55488": (1.99988, 0.00010)})
+
+# Actual minus calculated distance [m].
+LIN2013_TABLE_III = _table(("mean", "σ"), {"Tied to buoy": (1.93, 2.34), "Active tracking": (0.62, 2.63)})
+
+# Error of the distance after 22 hours [m]: of the figure, and of the same experiment on another day (V.C).
+LIN2013_FIG_6 = MappingProxyType({"day of the figure": -1.5, "another day": 8.0})

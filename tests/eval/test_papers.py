@@ -1,0 +1,145 @@
+"""`python -m eval papers`: rows, files, repeatability and what is refused."""
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tagtrack.eval.papers import command
+from tagtrack.eval.papers.document import as_markdown_page, papers_document
+from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size, make_row
+from tagtrack.eval.papers.pictures import plot_rows
+from tagtrack.eval.papers.registry import EXPERIMENTS
+from tagtrack.eval.plots import empty_figure
+
+KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note"]
+
+
+def row(repetitions, **changes):
+    words = {"paper": "clark2013", "table": "Table III", "row": "PF", "column": "mean", "unit": "m", "note": "assumed: much"}
+    return make_row(repetitions, **{**words, "paper_value": 24, **changes})
+
+
+def make_experiment(paper="clark2013", rows=(), figures=()):
+    def run(setting):
+        setting.advance(setting.size.trials)
+        return Findings(rows=rows, figures={name: empty_figure(width=2, height=2)[0] for name in figures})
+
+    return Experiment(paper=paper, table="Table III", run=run, steps=lambda size: size.trials)
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """One experiment a paper, which costs nothing."""
+    experiments = {
+        "clark2013": (make_experiment(rows=[row([20, 25, 30])], figures=["clark2013_a"]),),
+        "lin2013": (make_experiment("lin2013", rows=[row([1.0], paper="lin2013")]),),
+    }
+    monkeypatch.setattr(command, "EXPERIMENTS", experiments)
+
+
+def test_ours_is_the_median_of_repetitions_within_their_middle_95_percent():
+    found = row(np.arange(1001.0))
+    assert (found.low, found.ours, found.high) == (25.0, 500.0, 975.0)
+
+
+def test_a_row_has_the_agreed_keys_and_null_for_what_is_not_finite():
+    assert list(row([1.0]).to_json()) == KEYS
+    assert row([math.nan]).to_json()["ours"] is None
+
+
+@pytest.mark.parametrize("size", [Size(), QUICK])
+def test_every_experiment_can_tell_its_length(size):
+    for paper, experiments in EXPERIMENTS.items():
+        for experiment in experiments:
+            assert experiment.paper == paper
+            assert experiment.steps(size) > 0
+
+
+def test_a_paper_is_a_choice_only_where_an_experiment_has_a_twin():
+    assert set(EXPERIMENTS) == {"clark2013", "lin2013"}
+
+
+def test_a_page_sets_printed_beside_ours_and_marks_what_lies_outside():
+    rows = [row([20, 25, 30]), row([50, 60], column="median"), row([3.99979], column="T_c", unit="s", paper_value=3.99979)]
+    experiment = make_experiment()
+    found = {experiment: Findings(rows=rows)}
+    page = as_markdown_page(papers_document(found, seconds={experiment: 1.0}, seed=0, size=QUICK, versions={}))
+    assert "## clark2013, Table III" in page
+    assert "|  | mean [m] | median [m] | T_c [s] |" in page
+    assert "| PF | 24.0 → 25.0 [20.2, 29.8] | 24.0 → 55.0 [50.2, 59.8] * | 3.99979 → 3.99979 [3.99979, 3.99979] |" in page
+    assert page.count("assumed: much") == 1
+
+
+def test_a_picture_has_a_panel_for_each_table():
+    figure = plot_rows([row([20, 25]), row([1, 2], table="Table III, bounded")], "error [m]")
+    assert [axes.get_title() for axes in figure.axes] == ["Table III", "Table III, bounded"]
+
+
+def test_it_writes_rows_page_and_pictures(evaluate, tiny, tmp_path):
+    status, out, err = evaluate("papers", "--quick", "--out", tmp_path / "p")
+    assert (status, err) == (0, "")
+    assert "clark2013, Table III" in out and "written: " in out
+    assert sorted(path.name for path in (tmp_path / "p").iterdir()) == ["clark2013_a.png", "papers.json", "papers.md"]
+    document = json.loads((tmp_path / "p/papers.json").read_text(encoding="utf-8"))
+    assert [found["paper"] for found in document["rows"]] == ["clark2013", "lin2013"]
+    assert list(document["rows"][0]) == KEYS
+    assert document["size"] == dataclasses.asdict(QUICK)
+    assert list(document["seconds"]) == ["clark2013, Table III", "lin2013, Table III"]
+    assert {"tagtrack", "commit", "python", "numpy"} <= set(document["versions"])
+
+
+def test_one_paper_alone_replaces_an_earlier_result(evaluate, tiny, tmp_path):
+    assert evaluate("papers", "--out", tmp_path / "p")[0] == 0
+    assert evaluate("papers", "--paper", "lin2013", "--out", tmp_path / "p")[0] == 0
+    assert sorted(path.name for path in (tmp_path / "p").iterdir()) == ["papers.json", "papers.md"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--paper", "einstein1905"), "error: unknown paper 'einstein1905'; known: clark2013, lin2013\n"),
+        (("--seed", "-1"), "error: seed must be from 0 to 2147483647, got -1\n"),
+        (("--threads", "0"), "error: --threads must be at least 1, got 0\n"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(evaluate, tmp_path, arguments, complaint):
+    assert evaluate("papers", "--quick", *arguments, "--out", tmp_path / "p") == (2, "", complaint)
+    assert not (tmp_path / "p").exists()
+
+
+def test_a_folder_of_others_is_refused(evaluate, tmp_path):
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis/chapter.tex").write_text("all of it")
+    status, _, err = evaluate("papers", "--out", tmp_path / "thesis")
+    assert status == 2
+    assert "holds chapter.tex, which is no part of a comparison with the papers" in err
+
+
+SMALL = Size(recorded=2, trials=1, moving=2, moving_seconds=120, stationary=2, records=2, particles=50)
+
+
+@pytest.mark.parametrize(
+    "experiment", [each for experiments in EXPERIMENTS.values() for each in experiments], ids=lambda each: each.table
+)
+def test_an_experiment_tells_its_progress_and_repeats_itself(experiment):
+    done = []
+    first = experiment.run(Setting(size=SMALL, seed=3, advance=done.append))
+    assert sum(done) == experiment.steps(SMALL)
+    assert {found.paper for found in first.rows} == {experiment.paper}
+    assert all(found.note and found.unit for found in first.rows)
+    assert all(name.startswith(f"{experiment.paper}_") for name in first.figures)
+    cells = [(found.table, found.row, found.column) for found in first.rows]
+    assert len(set(cells)) == len(cells)
+    again = experiment.run(Setting(size=SMALL, seed=3))
+    assert [found.to_json() for found in again.rows] == [found.to_json() for found in first.rows]
+
+
+@pytest.mark.slow
+def test_a_quick_run_of_all_papers_as_a_command(run_python, tmp_path):
+    code = "import sys; from tagtrack.eval.cli import main; sys.exit(main(sys.argv[1:]))"
+    run_python(code, "papers", "--quick", "--out", str(tmp_path / "p"))
+    document = json.loads((tmp_path / "p/papers.json").read_text(encoding="utf-8"))
+    assert {found["paper"] for found in document["rows"]} == set(EXPERIMENTS)
