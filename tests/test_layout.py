@@ -38,11 +38,11 @@ MAY_IMPORT = {
 
 # Inside envs/, ground floor first: a module may import from its own floor and from those below.
 FLOORS = (
-    ("kernels",),
+    ("kernels", "workers"),
     ("sim",),
     ("belief",),
     ("scenario",),
-    ("observation", "overrides", "presets", "reward", "workers"),
+    ("observation", "overrides", "presets", "reward"),
     ("world",),
     ("simulation",),
     ("legend", "task"),

@@ -6,7 +6,6 @@ The vehicle's path and what it heard stay as they were recorded; only the partic
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,17 +13,18 @@ import numpy as np
 from tagtrack.envs.belief.filter import (
     BELIEF,
     Belief,
-    begin_weights,
+    Scratch,
     correct,
     filter_rule,
     make_scratch,
     predict,
     spread_particles,
     summarize,
-    weigh,
 )
+from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.workers import Workers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,19 +59,17 @@ def refilter(
     error = np.empty((trials, recording.fish.shape[0] - 1))
     rule = to_record(filter_rule(belief, recording.time_step))
 
-    def run(first: int, last: int) -> None:
-        particles = np.zeros((4, belief.particles), np.float32)
+    def run(first: int, last: int, scratch: Scratch) -> None:
+        particles = np.zeros((belief.rows, belief.particles), np.float32)
         mission = (recording.vehicle, recording.contact, recording.fish, recording.time_step)
-        scratch = make_scratch(belief.particles)
         for trial in range(first, last):
             refilter_once(np.uint64(seed), trial, *mission, rule, particles, np.zeros(1, BELIEF), scratch, error[trial])
             if on_step is not None:
                 on_step(error.shape[1])
 
-    bounds = np.linspace(0, trials, min(threads, trials) + 1).astype(int).tolist()
-    with ThreadPoolExecutor(max(len(bounds) - 1, 1)) as pool:
-        for part in [pool.submit(run, first, last) for first, last in zip(bounds, bounds[1:], strict=False)]:
-            part.result()
+    workers = Workers(trials, threads, lambda: make_scratch(belief.particles))
+    workers.run(run)
+    workers.close()
     return error
 
 

@@ -12,6 +12,7 @@ from tagtrack.envs.belief.filter import covariance
 from tagtrack.envs.belief.refilter import Recording
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.motion import MomentumRandomWalk
+from tagtrack.envs.sim.receivers import StereoHydrophone
 from tagtrack.eval.consistency import TABLE_II, table_ii_proportions
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.clark2013_twin import (
@@ -59,7 +60,7 @@ class Variant:
 
     def change(self, scenario: Scenario) -> Scenario:
         if self.noise is not None:
-            scenario = replace(scenario, receiver=replace(scenario.receiver, bearing_sigma=self.noise))
+            scenario = replace(scenario, receiver=StereoHydrophone(bearing_sigma=self.noise))
         if self.bound is not None:
             motion = MomentumRandomWalk(max_speed=self.bound)
             scenario = replace(scenario, belief=replace(scenario.belief, motion=motion))
