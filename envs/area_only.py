@@ -58,7 +58,7 @@ class AreaOnlyEnv(TagTrackEnv):
 
     ## Reward
 
-    ``localization``: minus the localization error as a share of 300 m, at least -1.
+    ``localization``: minus the localization error as a share of 1000 m, at least -1.
 
     ## Version history
 

@@ -88,10 +88,12 @@ class Scenario:
         default_factory=lambda: Belief(motion=MomentumRandomWalk(speed_sigma=0.06, turn_sigma=0.2, max_speed=0.6))
     )
     reward: Reward = field(default_factory=Reward)
+    lost_error: float = 100.0  # beyond it the fish counts as lost [m]: further off than a receiver reaches (4.1)
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        require(self.time_step > 0, self, "time_step", "positive")
+        for name in ("time_step", "lost_error"):
+            require(getattr(self, name) > 0, self, name, "positive")
         for name in ("episode_steps", "vehicles", "targets"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
@@ -153,7 +155,8 @@ AREA_ONLY = Scenario(
         half_width=400.0,
         renewed_share=0.015,
     ),
-    reward=Reward(error_cap=300.0),
+    reward=Reward(error_cap=1000.0),
+    lost_error=400.0,
 )
 
 SCENARIOS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -19,6 +19,9 @@ from tagtrack.eval.results_folder import default_folder, replace_results, requir
 from tagtrack.eval.rollout import PolicyMaker, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 OWN_FILES = ("benchmark.json", "config.json", "table.md", "errors.png", "track_*.png")
 
 
@@ -27,7 +30,8 @@ class Benchmark:
     """Compare policies on the same fish.
 
     Writes benchmark.json, table.md, errors.png (distribution of the error), track_median.png and track_hard.png (the paths in
-    two episodes) and config.json (what was asked for), and prints the table. Ratios are to the first policy named.
+    two episodes) and config.json (what was asked for), and prints the table. Ratios are to the first policy named. Lost is where the error exceeds the
+    scenario's lost_error.
     """
 
     task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
@@ -60,9 +64,14 @@ class Benchmark:
         with replace_results(out, OWN_FILES) as folder:
             write_benchmark(folder, comparison.document(collect_versions()))
             write_json(folder / "config.json", asked)
-            save_figure(folder / "errors.png", plot_errors({name: r.error for name, r in comparison.records.items()}))
+            save_figure(folder / "errors.png", draw_errors(comparison))
             draw_tracks(folder, comparison, makers)
         print(f"written: {out}")
+
+
+def draw_errors(comparison: Comparison) -> Figure:
+    errors = {name: record.error for name, record in comparison.records.items()}
+    return plot_errors(errors, lost_error=comparison.task.scenario.lost_error)
 
 
 def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, PolicyMaker]) -> None:

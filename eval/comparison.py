@@ -102,7 +102,10 @@ def compare(
         task=task,
         seed=seed,
         records=records,
-        summaries={name: summarize(record, perimeter=perimeter, bootstrap=bootstrap) for name, record in records.items()},
+        summaries={
+            name: summarize(record, perimeter=perimeter, lost_error=task.scenario.lost_error, bootstrap=bootstrap)
+            for name, record in records.items()
+        },
         ratios=ratios_to_first(records, bootstrap=bootstrap),
     )
 

@@ -94,7 +94,12 @@ class SACSettings:
 Settings = PPOSettings | SACSettings
 
 # Where an environment wants other values than an algorithm's own.
-SETTINGS: dict[tuple[str, str], Settings] = {}
+AREA_ONLY = PPOSettings(steps=3_000_000, gamma=0.99, ahead=0.0)  # to pursue is the worst there is where only the edge tells
+SETTINGS: dict[tuple[str, str], Settings] = {
+    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(gamma=0.98),
+    ("TagTrack/AreaOnly-v0", "ppo"): AREA_ONLY,
+    ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): AREA_ONLY,
+}
 
 
 def find_settings(config: TrainConfig) -> Settings:

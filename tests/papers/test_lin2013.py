@@ -6,22 +6,8 @@ import pytest
 from tagtrack.envs.belief.calibration import NOMINAL_PERIODS, TAU, TICK, Kind, average_differences, calibrate, sort_differences
 from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
 from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+from tagtrack.eval.papers.printed import LIN2013_TABLE_I
 
-# Time difference [s] and its frequency: code 117 of tag 55436.
-TABLE_I = {
-    0.04875: 3,
-    0.04896: 1,
-    3.95104: 3,
-    3.99958: 55,
-    3.99959: 30,
-    3.99979: 1172,
-    3.99980: 235,
-    3.99999: 1,
-    4.00000: 43,
-    7.95063: 1,
-    7.99937: 1,
-    7.99958: 1,
-}
 OUTLIERS = [[0.04875, 3.95104]] * 3 + [[0.04896, 7.95063], [7.99937], [7.99958]]  # the pairs sum to one or two periods
 SPEED = 1500.0  # [m/s] (Fig. 6)
 TAG_55488 = CodedTag(codes=(117, 2, 3, 4, 5), burst_period=1.99988)  # of five codes 117 is in every burst
@@ -30,7 +16,7 @@ HUNDRED_MINUTES, DAY_OF_FIG_6 = 6000.0, 22 * 3600.0
 
 def arrivals_of_table_one():
     """A record with just these differences: regular ones in any order, outliers spread among them."""
-    regular = [[value] * frequency for value, frequency in TABLE_I.items() if abs(value - 4.0) <= 0.01]
+    regular = [[value] * frequency for value, frequency in LIN2013_TABLE_I.items() if abs(value - 4.0) <= 0.01]
     steps = np.random.default_rng(0).permutation(np.concatenate(regular))
     for place, outlier in zip(range(1400, 0, -230), OUTLIERS, strict=False):
         steps = np.insert(steps, place, outlier)
@@ -62,7 +48,7 @@ def test_outliers_of_table_one_are_told_by_their_cause():
     differences = sort_differences(arrivals_of_table_one())
     counts = {kind.name: len(differences.of_kind(kind)) for kind in Kind}
     assert counts == {"REGULAR": 1536, "MISSED": 2, "NEIGHBOURING": 8, "SHIFTED": 0}
-    assert sum(TABLE_I.values()) == 1546
+    assert sum(LIN2013_TABLE_I.values()) == 1546
 
 
 def test_the_line_agrees_with_the_mean_within_the_means_standard_error():
@@ -72,14 +58,14 @@ def test_the_line_agrees_with_the_mean_within_the_means_standard_error():
 
 
 def test_differences_of_table_one_are_whole_ticks_of_the_receiver():
-    differences = np.array(list(TABLE_I))
+    differences = np.array(list(LIN2013_TABLE_I))
     off = np.abs(differences - np.round(differences / TICK) * TICK)
     assert off.max() <= 1e-5 + 1e-12  # two arrivals, each rounded to 1e-5 s
 
 
 def test_ticks_explain_five_to_one_between_the_last_digits():
     """19199 ticks are 399979 1/6 steps of 1e-5 s: five times in six 3.99979, else 3.99980."""
-    assert TABLE_I[3.99979] / (TABLE_I[3.99979] + TABLE_I[3.99980]) == pytest.approx(5 / 6, abs=0.02)
+    assert LIN2013_TABLE_I[3.99979] / (LIN2013_TABLE_I[3.99979] + LIN2013_TABLE_I[3.99980]) == pytest.approx(5 / 6, abs=0.02)
 
 
 @pytest.mark.parametrize(("tag", "period", "sigma"), [(CodedTag(), 3.99979, 0.00006), (TAG_55488, 1.99988, 0.00010)])
