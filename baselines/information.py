@@ -15,7 +15,7 @@ import numpy as np
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
-from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone
+from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
 from tagtrack.envs.sim.validation import require
 from tagtrack.envs.sim.vehicle import Vehicle
 
@@ -42,7 +42,7 @@ class Information(InformedHeuristic):
     """Takes, of ``courses`` evenly spaced ones, the one with the highest expected mutual information (greedy).
 
     Summed over the next ``horizon`` pings; each counts by itself, so that what two pings tell alike counts twice. Simplified: the
-    particles rest meanwhile; of a stereo hydrophone only the bearing counts; silence tells nothing, because the filter does not
+    particles rest meanwhile; of a stereo hydrophone, with or without ranges, only the bearing counts; silence tells nothing, because the filter does not
     weigh by it, unless the receiver is one of presence. Of the courses that keep out of the perimeter the best is taken; failing
     these the one that intrudes least.
     """
@@ -116,7 +116,7 @@ class Information(InformedHeuristic):
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
             *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
-            self._chance, self._likelihood, self._entropy, not isinstance(receiver, StereoHydrophone), information,
+            self._chance, self._likelihood, self._entropy, not isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)), information,
         )  # fmt: skip
         return information.astype(np.float64)
 

@@ -9,12 +9,13 @@ from scipy.special import ndtr
 
 from tagtrack.envs.belief.filter import Belief
 from tagtrack.envs.sim.acoustics import Water, hearing_chance
+from tagtrack.envs.sim.readings import bearing_in_units
 from tagtrack.envs.sim.receivers import (
     LARGEST_UNIT,
     PresenceReceiver,
     RangeReceiver,
     StereoHydrophone,
-    bearing_in_units,
+    TimeOfFlightReceiver,
 )
 
 COSINE_BINS = 2048  # of the tables by bearing: at most 2.5 degrees, a quarter of the receiver's sigma, a bin
@@ -23,11 +24,11 @@ COSINE_BINS = 2048  # of the tables by bearing: at most 2.5 degrees, a quarter o
 def tabulate_likelihood(belief: Belief, water: Water) -> np.ndarray:
     """(A, Z) float32 chance of each reading, as the filter scores it.
 
-    A stereo hydrophone's readings are -9 to 9 units by the cosine of the bearing in A equal bins (Eqs. 5, 6); the others' go by
+    A stereo hydrophone's readings, and of bearings with ranges the bearings, are -9 to 9 units by the cosine of the bearing in A equal bins (Eqs. 5, 6); the others' go by
     distance in whole metres: ranges in bins two sigmas wide (Eq. 21), or silence and detection (Eq. 22).
     """
     receiver = belief.receiver
-    if isinstance(receiver, StereoHydrophone):
+    if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)):
         weight = belief.weight_floor + _bearing_density(receiver)
     elif isinstance(receiver, RangeReceiver):
         weight = _range_chance(receiver, _distances(water))
@@ -37,7 +38,7 @@ def tabulate_likelihood(belief: Belief, water: Water) -> np.ndarray:
     return (weight / weight.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
-def _bearing_density(receiver: StereoHydrophone) -> np.ndarray:
+def _bearing_density(receiver: StereoHydrophone | TimeOfFlightReceiver) -> np.ndarray:
     cosine = (np.arange(COSINE_BINS) + 0.5) * (2.0 / COSINE_BINS) - 1.0
     expected = np.array([bearing_in_units.py_func(angle) for angle in np.arccos(cosine)])
     readings = np.arange(-LARGEST_UNIT, LARGEST_UNIT + 1.0)
@@ -68,7 +69,7 @@ def tabulate_chance(water: Water, belief: Belief) -> np.ndarray:
     receiver = belief.receiver
     if isinstance(receiver, PresenceReceiver):
         return np.ones(1, np.float32)
-    hydrophones = 2 if isinstance(receiver, StereoHydrophone) else 1
+    hydrophones = 2 if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)) else 1
     # As plain Python, which takes the dataclass where compiled code takes its record.
     clear, noisy = (
         np.array([hearing_chance.py_func(d, burst, water) for d in _distances(water)]) ** hydrophones for burst in (False, True)

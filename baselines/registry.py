@@ -13,7 +13,7 @@ from tagtrack.baselines.information import Information
 from tagtrack.baselines.simple import Pursuit, Random, Stationary
 from tagtrack.baselines.three_step import ThreeStep
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone
+from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
 from tagtrack.envs.simulation import Simulation
 
 BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(
@@ -50,6 +50,8 @@ def usual_parameters(scenario: Scenario) -> dict[str, Any]:
     """
     receiver, time_step = scenario.belief.receiver, scenario.time_step
     if isinstance(receiver, StereoHydrophone):
+        return {}
+    if isinstance(receiver, TimeOfFlightReceiver):
         return {}
     usual = {"patience": max(30.0, 3.0 * max(scenario.tag.longest_interval, time_step)), "hold": max(10.0, time_step)}
     if isinstance(receiver, PresenceReceiver):

@@ -6,6 +6,7 @@ from tagtrack.envs.range_only import RangeOnlyEnv
 from tagtrack.envs.scenario import SCENARIOS, Scenario, find_scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
+from tagtrack.envs.time_of_flight import TimeOfFlightEnv
 from tagtrack.envs.vector import TagTrackVectorEnv
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "Simulation",
     "TagTrackEnv",
     "TagTrackVectorEnv",
+    "TimeOfFlightEnv",
     "find_scenario",
     "with_overrides",
 ]

@@ -29,6 +29,7 @@ CROSS = np.array([(8, 2), (2, 2), (2, 8), (-2, 8), (-2, 2), (-8, 2), (-8, -2), (
 
 LAST_READINGS = {
     ReceiverKind.STEREO: "last bearing, both sides",
+    ReceiverKind.TIME_OF_FLIGHT: "last bearing, both sides",
     ReceiverKind.RANGE: "last range",
     ReceiverKind.PRESENCE: "believed range when heard",
 }

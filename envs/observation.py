@@ -31,6 +31,7 @@ class Scale:
 
 SCALES = {
     ReceiverKind.STEREO: Scale(length=50.0, near=15.0, spread=5.0, memory=20.0),
+    ReceiverKind.TIME_OF_FLIGHT: Scale(length=50.0, near=15.0, spread=5.0, memory=20.0),
     ReceiverKind.RANGE: Scale(length=200.0, near=60.0, spread=20.0, memory=200.0),
     ReceiverKind.PRESENCE: Scale(length=200.0, near=60.0, spread=20.0, memory=300.0),
 }
@@ -52,6 +53,10 @@ READINGS = {
         Feature("last_units", "last bearing reading / 9 Lotek units; 0 before the first", -1.0, 1.0),
         Feature("last_strength", "last signal strength / 50; 0 before the first", -2.0, 4.0),
     ),
+    ReceiverKind.TIME_OF_FLIGHT: (
+        Feature("last_units", "last bearing reading / 9 Lotek units; 0 before the first", -1.0, 1.0),
+        Feature("last_range", "last time-of-flight range / 50 m; 0 before the first", -1.0, 10.0),
+    ),
     ReceiverKind.RANGE: (
         Feature("last_range", "last slant range / 200 m; 0 before the first", 0.0, 10.0),
         Feature("range_miss", "slant range just read minus that to the belief's mean / 20 m; 0 if none", -8.0, 8.0),
@@ -63,6 +68,7 @@ READINGS = {
 }
 PHASES = {
     ReceiverKind.STEREO: "time since the tag last pinged / its period",
+    ReceiverKind.TIME_OF_FLIGHT: "time since the tag last pinged / its period",
     ReceiverKind.RANGE: "time since the tag last pinged / its period",
     ReceiverKind.PRESENCE: "1 minus the time until the next ping has come for certain / longest interval",
 }
@@ -198,6 +204,10 @@ def observe_reading(out, belief, contact, vehicle, kind, scale):
         if not math.isnan(contact.units):
             out[9] = contact.units / 9.0
             out[10] = min(max(contact.strength / 50.0, -2.0), 4.0)
+    elif kind == ReceiverKind.TIME_OF_FLIGHT:
+        if not math.isnan(contact.units):
+            out[9] = contact.units / 9.0
+            out[10] = min(max(contact.slant_range / scale.length, -1.0), 10.0)
     elif kind == ReceiverKind.RANGE:
         if not math.isnan(contact.slant_range):
             out[9] = min(contact.slant_range / scale.length, 10.0)

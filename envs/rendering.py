@@ -25,7 +25,8 @@ from tagtrack.envs.legend import (
     Legend,
     paint_shape,
 )
-from tagtrack.envs.sim.receivers import ReceiverKind, StereoHydrophone, bearing_in_units
+from tagtrack.envs.sim.readings import bearing_in_units
+from tagtrack.envs.sim.receivers import ReceiverKind, StereoHydrophone, TimeOfFlightReceiver
 from tagtrack.envs.simulation import Simulation
 
 FRAMES_PER_SECOND = 20
@@ -34,6 +35,7 @@ FINE = 2  # painted at so many times the size
 SIDE = MAP * FINE
 NEAREST_VIEW = 70.0  # half the width of the closest view [m]
 ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distribution [standard deviations]
+BEARING_KINDS = (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT)
 
 
 class Picture:
@@ -86,14 +88,14 @@ class Picture:
         """Lotek units, or the distance [m] that the reading tells: of a presence receiver the range believed."""
         worlds, world = self._simulation.worlds, self._world
         contact, kind = worlds.contacts[world, v, t], self._simulation.scenario.receiver.kind
-        if kind == ReceiverKind.STEREO:
+        if kind in BEARING_KINDS:
             return float(contact["units"])
         if kind == ReceiverKind.RANGE:
             return math.sqrt(max(float(contact["slant_range"]) ** 2 - float(contact["depth"]) ** 2, 0.0))
         return float(worlds.beliefs["max_range"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
 
     def _tell_readings(self) -> list[str]:
-        stereo = self._simulation.scenario.receiver.kind == ReceiverKind.STEREO
+        stereo = self._simulation.scenario.receiver.kind in BEARING_KINDS
         return [f"{value:+.0f}" if stereo else f"{value:.0f} m" for _, _, value in self._readings.values()]
 
     def paint(self) -> np.ndarray:
@@ -168,7 +170,7 @@ class Picture:
         for (v, t), (place, compass, reading) in self._readings.items():
             age = self._simulation.worlds.contacts["silence"][self._world, v, t]
             colour = (*VEHICLE, 20 + 60 * math.exp(-age / 30.0))  # it fades
-            if isinstance(receiver, StereoHydrophone):
+            if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)):
                 self._paint_fan(layer, colour, place, compass, reading, receiver.bearing_sigma)
             else:
                 self._pygame.draw.circle(layer, colour, self._pixel(place), reading * self._scale, 4 * FINE)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.recovery import Recovery
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.legs import StraightLegs
 from tagtrack.envs.sim.motion import MomentumRandomWalk, Motion, Replay
@@ -18,6 +19,7 @@ from tagtrack.envs.sim.receivers import (
     Receiver,
     ReceiverKind,
     StereoHydrophone,
+    TimeOfFlightReceiver,
 )
 from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.validation import require, settle_numbers
@@ -104,14 +106,29 @@ class Scenario:
         if self.belief.receiver.kind != self.receiver.kind or isinstance(self.belief.receiver, MeasuredReception):
             own, assumed = type(self.receiver).__name__, type(self.belief.receiver).__name__
             raise ValueError(f"Scenario.belief.receiver cannot score the readings of a {own}, got {assumed}")
-        if self.start.deepest > 0 and self.receiver.kind == ReceiverKind.STEREO:
-            raise ValueError("Start.deepest must be 0 with a StereoHydrophone, whose bearings are in the plane")
+        if self.start.deepest > 0 and self.receiver.kind in (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT):
+            raise ValueError(f"Start.deepest must be 0 with a {type(self.receiver).__name__}, whose bearings are in the plane")
+        if self.tag.random_delay > 0 and self.receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
+            raise ValueError("Tag.random_delay must be 0 with a TimeOfFlightReceiver, which must know when a ping was sent")
 
     @property
     def owners(self) -> int:
         """Number of beliefs: one, or one for each vehicle."""
         return 1 if self.shared_belief else self.vehicles
 
+
+# Bearing and one-way range (Lin et al. 2013): a tag that was calibrated four hours ago, at rest 85 m away at first (V.B). Of the
+# two rates of recovery the paper says nothing.
+TIME_OF_FLIGHT = Scenario(
+    start=Start(nearest=20.0, farthest=85.0),
+    receiver=TimeOfFlightReceiver(),
+    belief=Belief(
+        motion=MomentumRandomWalk(speed_sigma=0.06, turn_sigma=0.2, max_speed=0.6),
+        receiver=TimeOfFlightReceiver(range_sigma=3.0),
+        weight_floor=1e-7,  # w_min of Eq. 8
+        recovery=Recovery(slow_rate=0.02, fast_rate=0.3),
+    ),
+)
 
 # Range-only tracking (Masmitja et al. 2020, Eq. 21): a modem on a vehicle at the surface asks a tag on a slow animal every 10 s.
 # The sound speed is assumed 1 % too high, as in Masmitja et al. 2023; the filter knows nothing of it.
@@ -162,6 +179,7 @@ AREA_ONLY = Scenario(
 SCENARIOS = {
     "TagTrack/LeopardShark-v0": Scenario(),
     "TagTrack/LeopardSharkStandoff-v0": Scenario(speed_control=True, reward=Reward(standoff=1.0, perimeter=20.0)),
+    "TagTrack/TimeOfFlight-v0": TIME_OF_FLIGHT,
     "TagTrack/RangeOnly-v0": RANGE_ONLY,
     "TagTrack/AreaOnly-v0": AREA_ONLY,
     "TagTrack/AreaOnlyUnknownRange-v0": replace(

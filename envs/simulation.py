@@ -9,7 +9,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from tagtrack.envs.belief.filter import BELIEF, FilterRule, covariance, filter_rule, make_scratch
+from tagtrack.envs.belief.filter import BELIEF, FilterRule, filter_rule, make_scratch
+from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.observation import SCALES, Feature, Scale, action_names, features

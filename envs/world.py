@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import correct, predict, spread_particles, summarize
-from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring
-from tagtrack.envs.belief.weighing import begin_weights, weigh
+from tagtrack.envs.belief.filter import spread_particles
+from tagtrack.envs.belief.summary import summarize
+from tagtrack.envs.belief.update import update_belief
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, uniform_pair
 from tagtrack.envs.observation import (
@@ -29,7 +29,6 @@ from tagtrack.envs.reward import judge
 from tagtrack.envs.sim.acoustics import listen, open_contact
 from tagtrack.envs.sim.legs import begin_legs, follow_legs
 from tagtrack.envs.sim.motion import MotionKind, start_swimming, swim
-from tagtrack.envs.sim.receivers import ReceiverKind
 from tagtrack.envs.sim.tags import ping_within, start_pinging
 from tagtrack.envs.sim.tracks import begin_replay, follow_track
 from tagtrack.envs.sim.vehicle import hold_course, launch
@@ -82,7 +81,8 @@ def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratc
                 contact = worlds.contacts[b, v, t]
                 vehicle = worlds.vehicles[b, v]
                 index = v * worlds.fish.shape[1] + t
-                open_contact(contact, worlds.targets[b, t], stream, index, p.water, p.tag.period + p.tag.random_delay)
+                longest_interval = p.tag.period + p.tag.random_delay
+                open_contact(contact, worlds.targets[b, t], stream, index, p.water, p.receiver, longest_interval)
                 dx = np.float64(worlds.fish[b, t, 0, 0]) - vehicle.x
                 dy = np.float64(worlds.fish[b, t, 1, 0]) - vehicle.y
                 contact.range = math.sqrt(dx * dx + dy * dy)
@@ -183,30 +183,14 @@ def hear_tags(b, worlds, p, stream):
 def update_beliefs(b, worlds, p, stream, scratch):
     """Prediction, and correction with whatever the vehicles that share a belief have heard or surely missed."""
     owners, tags = worlds.beliefs.shape[1], worlds.beliefs.shape[2]
+    vehicles = worlds.vehicles.shape[1]
     for o in range(owners):
+        first, last = (0, vehicles) if owners == 1 else (o, o + 1)
         for t in range(tags):
-            row = o * tags + t
-            belief = worlds.beliefs[b, o, t]
-            particles = worlds.particles[b, o, t]
-            predict(particles, belief, stream, row, p.belief, p.time_step, scratch)
-            heard = 0
-            last = 0
-            for v in range(worlds.vehicles.shape[1]):
-                contact = worlds.contacts[b, v, t]
-                if (owners == 1 or v == o) and (contact.detected or contact.missed):
-                    if heard == 0:
-                        renew(particles, belief, stream, row, p.belief)
-                        begin_weights(scratch)
-                    weigh(particles, worlds.vehicles[b, v], contact, p.belief, scratch)
-                    heard += 1
-                    last = v
-            if heard == 0:
-                continue
-            if p.receiver.kind == ReceiverKind.RANGE and (belief.corrections == 0 or is_refuted(scratch.weight, heard, p.belief)):
-                scatter_on_ring(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], stream, row, p.belief, scratch)
-                begin_weights(scratch)
-                weigh(particles, worlds.vehicles[b, last], worlds.contacts[b, last, t], p.belief, scratch)
-            correct(particles, belief, stream, row, p.belief, scratch)
+            update_belief(
+                worlds.particles[b, o, t], worlds.beliefs[b, o, t], worlds.vehicles[b, first:last], worlds.contacts[b, first:last, t],
+                stream, o * tags + t, p.belief, p.time_step, scratch,
+            )  # fmt: skip
 
 
 @compiled

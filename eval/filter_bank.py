@@ -18,13 +18,13 @@ from tagtrack.envs.belief.filter import (
     make_scratch,
     predict,
     spread_particles,
-    summarize,
 )
+from tagtrack.envs.belief.summary import summarize
 from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.compiling import FAST_MATHS
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.receivers import bearing_in_units
+from tagtrack.envs.sim.readings import bearing_in_units
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.workers import Workers
 from tagtrack.eval.reference_filter import ReferenceFilter, ReferenceFilterParameters
@@ -52,6 +52,7 @@ def update_rows(first, last, step, heading, units, parameters, particles, belief
         contacts[b].units = units
         contacts[b].detected = True
         contacts[b].slant_range = DISTANCE
+        contacts[b].previous_range = DISTANCE
         predict(particles[b], beliefs[b], stream, 0, rule, TIME_STEP, scratch)
         begin_weights(scratch)
         weigh(particles[b], vehicles[b], contacts[b], rule, scratch)

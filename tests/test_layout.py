@@ -48,7 +48,7 @@ FLOORS = (
     ("legend", "task"),
     ("rendering",),
     ("single", "vector", "parallel"),
-    ("range_only", "area_only"),
+    ("time_of_flight", "range_only", "area_only"),
     ("",),  # envs/__init__.py, which gathers the names that users import
 )
 

@@ -8,19 +8,19 @@ where a belief estimates the range of a presence receiver, that range.
 from __future__ import annotations
 
 import enum
-import math
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.belief.renewal import spread_reach, summarize_reach, walk_reach
-from tagtrack.envs.belief.weighing import Weighting
+from tagtrack.envs.belief.recovery import Recovery
+from tagtrack.envs.belief.renewal import spread_reach, walk_reach
+from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP
+from tagtrack.envs.belief.weighing import Measurements, Weighting
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
 from tagtrack.envs.kernels.resample_loops import heaviest, resample
-from tagtrack.envs.kernels.summary_loops import mean_about, spread_about
 from tagtrack.envs.sim.motion import (
     BrownianWalk,
     LevyFlight,
@@ -30,7 +30,14 @@ from tagtrack.envs.sim.motion import (
     start_swimming,
     swim,
 )
-from tagtrack.envs.sim.receivers import PresenceReceiver, RangeReceiver, Receiver, ReceiverRule, StereoHydrophone
+from tagtrack.envs.sim.receivers import (
+    PresenceReceiver,
+    RangeReceiver,
+    Receiver,
+    ReceiverRule,
+    StereoHydrophone,
+    TimeOfFlightReceiver,
+)
 from tagtrack.envs.sim.validation import require, settle_numbers
 
 f32 = np.float32
@@ -51,6 +58,8 @@ class Belief:
     motion: Motion = field(default_factory=MomentumRandomWalk)
     receiver: Receiver = field(default_factory=StereoHydrophone)
     weighting: Weighting = Weighting.BEARING
+    measurements: Measurements = Measurements.BOTH  # of a time-of-flight receiver
+    largest_jump: float = LARGEST_JUMP  # from one time-of-flight range to the next [m]; a ping beyond is not used
     estimate: Estimate = Estimate.MEAN
     weight_floor: float = 0.001  # of Eqs. 6, 9, 10
     half_width: float = 100.0  # L: particles start uniformly in a square of 2L about the vehicle [m]
@@ -59,6 +68,7 @@ class Belief:
     # paper does so after resampling: no estimate then holds particles that no reading has judged.
     renewed_share: float = 0.0
     renewed_radius: float = 300.0  # maximum particle range [m]
+    recovery: Recovery = field(default_factory=Recovery)
 
     def __post_init__(self) -> None:
         settle_numbers(self)
@@ -68,9 +78,9 @@ class Belief:
             raise ValueError(f"Belief.particles must be at most {2**20}, got {self.particles}")
         require(self.weight_floor >= 0, self, "weight_floor", "at least 0")
         require(0 <= self.renewed_share < 1, self, "renewed_share", "at least 0 and below 1")
-        for name in ("half_width", "renewed_radius"):
+        for name in ("half_width", "renewed_radius", "largest_jump"):
             require(getattr(self, name) > 0, self, name, "positive")
-        if isinstance(self.receiver, RangeReceiver):
+        if isinstance(self.receiver, (RangeReceiver, TimeOfFlightReceiver)):
             require(self.receiver.range_sigma > 0, self.receiver, "range_sigma", "positive in a belief")
 
     @property
@@ -106,11 +116,14 @@ class FilterRule:
     motion: MotionRule
     receiver: ReceiverRule
     weighting: int
+    measurements: int
+    largest_jump: float
     estimate: int
     weight_floor: float
     half_width: float
     renewed_share: float
     renewed_radius: float
+    recovery: Recovery
 
 
 def filter_rule(belief: Belief, time_step: float) -> FilterRule:
@@ -118,23 +131,27 @@ def filter_rule(belief: Belief, time_step: float) -> FilterRule:
         motion=belief.motion.rule(time_step),
         receiver=belief.receiver.rule(),
         weighting=int(belief.weighting),
+        measurements=int(belief.measurements),
+        largest_jump=belief.largest_jump,
         estimate=int(belief.estimate),
         weight_floor=belief.weight_floor,
         half_width=belief.half_width,
         renewed_share=belief.renewed_share,
         renewed_radius=belief.renewed_radius,
+        recovery=belief.recovery,
     )
 
 
 # One owner's belief about one tag. Means [m], spreads [m^2], velocities [m/s] (an average over some 20 s), `best` the index of
 # the particle that weighed most, `corrections` how many there were, `max_range` and its `_spread` (standard deviation) what
-# is believed of a presence receiver's range [m], `error` the distance from estimate to fish [m] (known to the referee alone).
+# is believed of a presence receiver's range [m], `w_slow` and `w_fast` likelihoods of readings averaged (see ``recovery.py``),
+# `error` the distance from estimate to fish [m] (known to the referee alone).
 BELIEF = np.dtype(
     [
         (name, np.float64)
         for name in (
             "mean_x", "mean_y", "estimate_x", "estimate_y", "xx", "yy", "xy", "velocity_x", "velocity_y", "max_range",
-            "max_range_spread", "error",
+            "max_range_spread", "w_slow", "w_fast", "error",
         )
     ]
     + [("best", np.int64), ("corrections", np.int64)]
@@ -176,6 +193,8 @@ def spread_particles(particles, belief, centre_x, centre_y, stream, row, rule, s
     belief.velocity_y = 0.0
     belief.best = 0
     belief.corrections = 0
+    belief.w_slow = 0.0
+    belief.w_fast = 0.0
     if particles.shape[0] > 4:
         spread_reach(particles[4], stream, row, rule.receiver, scratch)
 
@@ -200,46 +219,17 @@ def predict(particles, belief, stream, row, rule, time_step, scratch):
 
 @compiled
 def correct(particles, belief, stream, row, rule, scratch):
-    """Correction (Alg. 1, lines 12-18): resample by weight. Keeps hold of the particle that weighed most."""
+    """Correction (Alg. 1, lines 12-18): resample by weight."""
     belief.corrections += 1
     offset, _ = uniform_pair(stream, RESAMPLE, row)
-    best = heaviest(scratch.weight) if rule.estimate == Estimate.BEST else 0
-    if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.normal_1, offset):
-        belief.best = min(scratch.fixed[best], particles.shape[1] - 1)
+    draw_by_weight(particles, belief, offset, rule, scratch)
     if particles.shape[0] > 4:
         walk_reach(particles[4], stream, row, rule.receiver, scratch)
 
 
 @compiled
-def summarize(particles, belief, vehicle, rule):
-    """Mean, spread and estimate of a row. Returns the share of particles to port of the vehicle."""
-    x = particles[0]
-    y = particles[1]
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
-    ahead_x = f32(math.cos(vehicle.compass))
-    ahead_y = f32(math.sin(vehicle.compass))
-    offset_x, offset_y, port = mean_about(x, y, own_x, own_y, ahead_x, ahead_y)
-    xx, yy, xy = spread_about(x, y, own_x + offset_x, own_y + offset_y)
-    belief.mean_x = np.float64(own_x) + np.float64(offset_x)
-    belief.mean_y = np.float64(own_y) + np.float64(offset_y)
-    belief.xx = xx
-    belief.yy = yy
-    belief.xy = xy
-    belief.max_range = rule.receiver.max_range
-    belief.max_range_spread = 0.0
-    if particles.shape[0] > 4:
-        summarize_reach(particles[4], belief)
-    if rule.estimate == Estimate.BEST:
-        belief.estimate_x = x[belief.best]
-        belief.estimate_y = y[belief.best]
-    else:
-        belief.estimate_x = belief.mean_x
-        belief.estimate_y = belief.mean_y
-    return port
-
-
-def covariance(belief: Any) -> np.ndarray:
-    """(..., 2, 2) covariance [m^2] of a structured array of ``BELIEF``."""
-    flat = np.stack([belief["xx"], belief["xy"], belief["xy"], belief["yy"]], axis=-1)
-    return flat.reshape(*flat.shape[:-1], 2, 2)
+def draw_by_weight(particles, belief, offset, rule, scratch):
+    """Resample, and keep hold of the particle that weighed most."""
+    best = heaviest(scratch.weight) if rule.estimate == Estimate.BEST else 0
+    if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.normal_1, offset):
+        belief.best = min(scratch.fixed[best], particles.shape[1] - 1)

@@ -12,6 +12,7 @@ from tagtrack.envs.kernels.resample_loops import fill_row
 from tagtrack.envs.kernels.weight_loops import (
     expect_strength,
     weigh_bearing,
+    weigh_bearing_range,
     weigh_combined,
     weigh_detection,
     weigh_range,
@@ -31,6 +32,25 @@ class Weighting(enum.IntEnum):
     COMBINED = 2
 
 
+class Measurements(enum.IntEnum):
+    """Which reading of a time-of-flight receiver weighs the particles (Lin et al. 2013, Table IV)."""
+
+    BOTH = 0
+    ANGLE = 1
+    DISTANCE = 2
+
+
+@compiled
+def is_valid(contact, rule):
+    """Whether a ping is used: where ranges are, one that jumps from the range heard before is not (Lin et al. 2013, Alg. 1).
+
+    Its bearing goes with it. See ``time_of_flight.gate_range``; the first range, with none before it, passes.
+    """
+    if rule.receiver.kind != ReceiverKind.TIME_OF_FLIGHT or rule.measurements == Measurements.ANGLE:
+        return True
+    return not abs(contact.slant_range - contact.previous_range) > rule.largest_jump
+
+
 @compiled
 def begin_weights(scratch):
     fill_row(scratch.weight, f32(1.0))
@@ -46,6 +66,8 @@ def weigh(particles, vehicle, contact, rule, scratch):
         )  # fmt: skip
     elif rule.receiver.kind == ReceiverKind.PRESENCE:
         weigh_presence(particles, vehicle, contact, rule, scratch)
+    elif rule.receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
+        weigh_time_of_flight(particles, vehicle, contact, rule, scratch)
     else:
         weigh_stereo(particles, vehicle, contact, rule, scratch)
 
@@ -103,3 +125,29 @@ def weigh_stereo(particles, vehicle, contact, rule, scratch):
             scratch.weight, scratch.normal_1, x, y, own_x, own_y, ahead_x, ahead_y,
             units, sigma, strength, strength_sigma, floor,
         )  # fmt: skip
+
+
+@compiled
+def weigh_time_of_flight(particles, vehicle, contact, rule, scratch):
+    """A bearing, a one-way range or both (Lin et al. 2013, Eq. 8)."""
+    receiver = rule.receiver
+    x = particles[0]
+    y = particles[1]
+    own_x = f32(vehicle.believed_x)
+    own_y = f32(vehicle.believed_y)
+    ahead_x = f32(math.cos(vehicle.compass))
+    ahead_y = f32(math.sin(vehicle.compass))
+    units = f32(contact.units)
+    sigma = f32(receiver.bearing_sigma)
+    slant_range = f32(contact.slant_range)
+    factor = f32(receiver.range_factor)
+    range_sigma = f32(receiver.range_sigma)
+    floor = f32(rule.weight_floor)
+    if rule.measurements == Measurements.ANGLE:
+        weigh_bearing(scratch.weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, floor)
+    elif rule.measurements == Measurements.DISTANCE:
+        weigh_range(scratch.weight, x, y, own_x, own_y, f32(0.0), slant_range, factor, range_sigma, floor)
+    else:
+        weigh_bearing_range(
+            scratch.weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, slant_range, factor, range_sigma, floor
+        )

@@ -18,7 +18,7 @@ ROUNDS = 7
 # Purposes: the fourth counter word. Each owns the numbers drawn for it, so that adding a draw to one leaves the others alone.
 # A purpose that fills whole rows adds PURPOSES times the number of the row.
 START, TRACK, FISH, WATER, HEARING, READING, NAVIGATION, SPREAD, PREDICT, RESAMPLE = range(10)
-PING, LEG, STEERING, RENEWAL, REACH = range(10, 15)
+PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = range(10, 16)
 PURPOSES = 16
 
 _MULTIPLIER_0 = np.uint64(0xD2511F53)

@@ -96,6 +96,23 @@ def weigh_range(weight, x, y, own_x, own_y, depth, slant_range, factor, sigma, f
 
 
 @compiled
+def weigh_bearing_range(
+    weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, slant_range, factor, range_sigma, floor
+):
+    """Multiply by the likelihood of a bearing and a range together (Lin et al. 2013, Eq. 8)."""
+    precision = f32(-0.5) / (sigma * sigma)
+    range_precision = f32(-0.5) / (range_sigma * range_sigma)
+    peak = f32(0.5 / math.pi) / (sigma * range_sigma)
+    for i in range(weight.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        distance = np.sqrt(dx * dx + dy * dy + NEAREST)
+        miss = bearing_units((dx * ahead_x + dy * ahead_y) / distance) - units
+        range_miss = factor * distance - slant_range
+        weight[i] *= floor + peak * fast_exp(precision * miss * miss + range_precision * range_miss * range_miss)
+
+
+@compiled
 def weigh_detection(weight, x, y, reach, own_x, own_y, depth, sigma, floor):
     """Multiply by the survival function of the distance about each particle's ``reach`` [m] (Eq. 22, a ping was heard)."""
     per_sigma = f32(1.0) / sigma

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import HEARING, START, WATER, uniform_pair
-from tagtrack.envs.sim.receivers import ReceiverKind, presence_chance, read_range, read_stereo
+from tagtrack.envs.kernels.random import HEARING, START, WATER, normal_pair, uniform_pair
+from tagtrack.envs.sim.readings import presence_chance, read_range, read_stereo, read_time_of_flight
+from tagtrack.envs.sim.receivers import ReceiverKind
 from tagtrack.envs.sim.validation import require, settle_numbers
 
 
@@ -38,16 +39,17 @@ class Water:
 
 
 # What one vehicle hears of one tag. `units` [Lotek], `strength` and `slant_range` [m] are the last reading, NaN before the
-# first; `silence` is the time since then [s]; `noisy` tells a burst of losses; `missed` that a silence has just become certain to
+# first, `previous_range` the one before; `silence` is the time since the last [s]; `noisy` tells a burst of losses; `missed` that a silence has just become certain to
 # have swallowed a ping, and `surely_by` the time by which the next one will have come for certain [s]; `heard_lately` and
 # `heard_long` are averages of detections over pings, `port` the share of particles to port, `cos_lately` and `sin_lately`
-# averages of the belief's bearing relative to the heading. The vehicle knows the `depth` of the fish [m].
+# averages of the belief's bearing relative to the heading. The vehicle knows the `depth` of the fish [m], but not the
+# `clock_error` by which this receiver takes a ping of this tag for later than it was [s].
 CONTACT = np.dtype(
     [(name, np.bool_) for name in ("pinged", "detected", "missed", "noisy")]
     + [
         (name, np.float64)
         for name in (
-            "units", "strength", "slant_range", "range", "depth", "silence", "surely_by", "heard_lately", "heard_long",
+            "units", "strength", "slant_range", "previous_range", "range", "depth", "clock_error", "silence", "surely_by", "heard_lately", "heard_long",
             "port", "cos_lately", "sin_lately",
         )
     ]
@@ -55,7 +57,7 @@ CONTACT = np.dtype(
 
 
 @compiled
-def open_contact(contact, target, stream, index, water, longest_interval):
+def open_contact(contact, target, stream, index, water, receiver, longest_interval):
     """A contact before the first ping."""
     chance, _ = uniform_pair(stream, START, 16 * index + 2)
     contact.pinged = False
@@ -65,6 +67,9 @@ def open_contact(contact, target, stream, index, water, longest_interval):
     contact.units = np.nan
     contact.strength = np.nan
     contact.slant_range = np.nan
+    contact.previous_range = np.nan
+    drift, _ = normal_pair(stream, START, 16 * index + 8)
+    contact.clock_error = receiver.clock_sigma * drift
     contact.depth = target.depth
     contact.silence = 0.0
     contact.surely_by = longest_interval
@@ -98,7 +103,7 @@ def hearing_chance(distance, noisy, water):
 def hear(contact, target, distance, stream, index, water, receiver):
     """Whether a ping is usable: a bearing needs both hydrophones, the others have one."""
     bow, stern = uniform_pair(stream, HEARING, index)
-    if receiver.kind == ReceiverKind.STEREO:
+    if receiver.kind == ReceiverKind.STEREO or receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
         chance = hearing_chance(contact.range, contact.noisy, water)
         return bow < chance and stern < chance
     chance = hearing_chance(distance, contact.noisy, water)
@@ -149,3 +154,5 @@ def listen(contact, vehicle, target, fish_x, fish_y, pinged, stream, index, tag,
             read_stereo(contact, vehicle, fish_x, fish_y, stream, index, receiver)
         elif receiver.kind == ReceiverKind.RANGE:
             read_range(contact, distance, stream, index, receiver)
+        elif receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
+            read_time_of_flight(contact, vehicle, fish_x, fish_y, distance, target, stream, index, tag, receiver)

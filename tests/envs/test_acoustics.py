@@ -18,7 +18,8 @@ from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
 from tagtrack.envs.sim.geometry import relative_bearing, wrap_angle
 from tagtrack.envs.sim.motion import BrownianWalk
-from tagtrack.envs.sim.receivers import StereoHydrophone, bearing_in_units, expected_strength
+from tagtrack.envs.sim.readings import bearing_in_units, expected_strength
+from tagtrack.envs.sim.receivers import StereoHydrophone
 from tagtrack.envs.sim.tags import TARGET, Tag
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation

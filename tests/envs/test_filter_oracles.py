@@ -21,8 +21,8 @@ from tagtrack.envs.belief.filter import (
     make_scratch,
     predict,
     spread_particles,
-    summarize,
 )
+from tagtrack.envs.belief.summary import summarize
 from tagtrack.envs.belief.weighing import Weighting, begin_weights, weigh
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.scenario import Scenario

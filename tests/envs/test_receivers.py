@@ -16,7 +16,8 @@ from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.receivers import MeasuredReception, PresenceReceiver, RangeReceiver, presence_chance
+from tagtrack.envs.sim.readings import presence_chance
+from tagtrack.envs.sim.receivers import MeasuredReception, PresenceReceiver, RangeReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 

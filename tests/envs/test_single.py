@@ -16,6 +16,7 @@ from tagtrack.envs.range_only import RangeOnlyEnv
 from tagtrack.envs.scenario import SCENARIOS, Reward, Scenario
 from tagtrack.envs.sim.motion import Replay
 from tagtrack.envs.single import TagTrackEnv
+from tagtrack.envs.time_of_flight import TimeOfFlightEnv
 
 AHEAD = np.array([1.0, 0.0], np.float32)
 
@@ -52,7 +53,7 @@ def test_docstring_names_every_argument_and_the_default_lengths() -> None:
     assert re.search(r"\* v0:", text)
 
 
-@pytest.mark.parametrize("env_class", [TagTrackEnv, RangeOnlyEnv, AreaOnlyEnv])
+@pytest.mark.parametrize("env_class", [TagTrackEnv, TimeOfFlightEnv, RangeOnlyEnv, AreaOnlyEnv])
 def test_environments_made_without_an_id_are_those_of_their_docstring(env_class: type[TagTrackEnv]) -> None:
     env = env_class(particles=10)
     assert gym.spec(env.default_id).entry_point == f"{env_class.__module__}:{env_class.__name__}"

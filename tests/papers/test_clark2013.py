@@ -12,7 +12,8 @@ from tagtrack.envs.kernels.weight_loops import expect_strength, weigh_bearing, w
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.motion import BrownianWalk, LevyFlight, MomentumRandomWalk
-from tagtrack.envs.sim.receivers import LARGEST_UNIT, StereoHydrophone, bearing_in_units, expected_strength
+from tagtrack.envs.sim.readings import bearing_in_units, expected_strength
+from tagtrack.envs.sim.receivers import LARGEST_UNIT, StereoHydrophone
 from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.vehicle import Vehicle
 

@@ -1,0 +1,50 @@
+"""What is reported of a belief: mean, spread and estimate of its particles."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from tagtrack.envs.belief.filter import Estimate
+from tagtrack.envs.belief.renewal import summarize_reach
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.summary_loops import mean_about, spread_about
+
+f32 = np.float32
+
+
+@compiled
+def summarize(particles, belief, vehicle, rule):
+    """Mean, spread and estimate of a row. Returns the share of particles to port of the vehicle."""
+    x = particles[0]
+    y = particles[1]
+    own_x = f32(vehicle.believed_x)
+    own_y = f32(vehicle.believed_y)
+    ahead_x = f32(math.cos(vehicle.compass))
+    ahead_y = f32(math.sin(vehicle.compass))
+    offset_x, offset_y, port = mean_about(x, y, own_x, own_y, ahead_x, ahead_y)
+    xx, yy, xy = spread_about(x, y, own_x + offset_x, own_y + offset_y)
+    belief.mean_x = np.float64(own_x) + np.float64(offset_x)
+    belief.mean_y = np.float64(own_y) + np.float64(offset_y)
+    belief.xx = xx
+    belief.yy = yy
+    belief.xy = xy
+    belief.max_range = rule.receiver.max_range
+    belief.max_range_spread = 0.0
+    if particles.shape[0] > 4:
+        summarize_reach(particles[4], belief)
+    if rule.estimate == Estimate.BEST:
+        belief.estimate_x = x[belief.best]
+        belief.estimate_y = y[belief.best]
+    else:
+        belief.estimate_x = belief.mean_x
+        belief.estimate_y = belief.mean_y
+    return port
+
+
+def covariance(belief: Any) -> np.ndarray:
+    """(..., 2, 2) covariance [m^2] of a structured array of ``BELIEF``."""
+    flat = np.stack([belief["xx"], belief["xy"], belief["xy"], belief["yy"]], axis=-1)
+    return flat.reshape(*flat.shape[:-1], 2, 2)
