@@ -30,8 +30,8 @@ class Benchmark:
     """Compare policies on the same fish.
 
     Writes benchmark.json, table.md, errors.png (distribution of the error), track_median.png and track_hard.png (the paths in
-    two episodes) and config.json (what was asked for), and prints the table. Ratios are to the first policy named. Lost is where the error exceeds the
-    scenario's lost_error.
+    two episodes) and config.json (what was asked for), and prints the table. Ratios are to the first policy named; a step is
+    lost where the error exceeds the scenario's lost_error.
     """
 
     task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
