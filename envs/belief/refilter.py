@@ -14,14 +14,12 @@ from tagtrack.envs.belief.filter import (
     BELIEF,
     Belief,
     Scratch,
-    correct,
     filter_rule,
     make_scratch,
-    predict,
     spread_particles,
-    summarize,
 )
-from tagtrack.envs.belief.weighing import begin_weights, weigh
+from tagtrack.envs.belief.summary import summarize
+from tagtrack.envs.belief.update import update_belief
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.workers import Workers
@@ -84,11 +82,7 @@ def refilter_once(seed, trial, vehicle, contact, fish, time_step, parameters, pa
     spread_particles(particles, belief, start.believed_x, start.believed_y, stream, 0, rule, scratch)
     for k in range(1, vehicle.shape[0]):
         stream = (low, high, episode, np.uint64(k))
-        predict(particles, belief, stream, 0, rule, time_step, scratch)
-        if contact[k].detected:
-            begin_weights(scratch)
-            weigh(particles, vehicle[k], contact[k], rule, scratch)
-            correct(particles, belief, stream, 0, rule, scratch)
+        update_belief(particles, belief, vehicle[k : k + 1], contact[k : k + 1], stream, 0, rule, time_step, scratch)
         summarize(particles, belief, vehicle[k], rule)
         miss_x = belief.estimate_x - fish[k, 0]
         miss_y = belief.estimate_y - fish[k, 1]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import covariance
 from tagtrack.envs.belief.refilter import Recording
+from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.motion import MomentumRandomWalk
 from tagtrack.envs.sim.receivers import StereoHydrophone
