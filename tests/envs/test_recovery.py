@@ -1,4 +1,4 @@
-"""Augmented Monte Carlo localization (Lin et al. 2013, Alg. 2; Thrun et al. 2005): shares of random particles, second resampling."""
+"""Augmented Monte Carlo localization (Lin et al. 2013, Alg. 2; Thrun et al. 2005): random particles, second resampling."""
 
 import numpy as np
 import pytest
@@ -158,7 +158,8 @@ def test_without_the_second_resampling_the_way_back_is_longer() -> None:
 
 
 def test_recovery_is_off_unless_asked_for() -> None:
-    assert {name for name, scenario in SCENARIOS.items() if scenario.belief.recovery.fast_rate > 0} == {"TagTrack/TimeOfFlight-v0"}
+    recovering = {name for name, scenario in SCENARIOS.items() if scenario.belief.recovery.fast_rate > 0}
+    assert recovering == {"TagTrack/TimeOfFlight-v0"}
 
 
 @pytest.mark.parametrize(("name", "value"), [("fast_rate", 1.5), ("slow_rate", 0.9), ("slow_rate", -0.1)])
