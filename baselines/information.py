@@ -42,9 +42,9 @@ class Information(InformedHeuristic):
     """Takes, of ``courses`` evenly spaced ones, the one with the highest expected mutual information (greedy).
 
     Summed over the next ``horizon`` pings; each counts by itself, so that what two pings tell alike counts twice. Simplified: the
-    particles rest meanwhile; of a stereo hydrophone, with or without ranges, only the bearing counts; silence tells nothing, because the filter does not
-    weigh by it, unless the receiver is one of presence. Of the courses that keep out of the perimeter the best is taken; failing
-    these the one that intrudes least.
+    particles rest meanwhile; of a stereo hydrophone, with or without ranges, only the bearing counts; silence tells nothing,
+    because the filter does not weigh by it, unless the receiver is one of presence. Of the courses that keep out of the perimeter
+    the best is taken; failing these the one that intrudes least.
     """
 
     horizon: int = 12  # pings: fewer end within the turn, more change nothing (LeopardShark-v0, tuning episodes)
@@ -113,10 +113,11 @@ class Information(InformedHeuristic):
         offset = np.zeros(len(rows))
         if isinstance(receiver, PresenceReceiver):  # the tables are of the range assumed, the belief may know better
             offset = receiver.max_range - self.simulation.worlds.beliefs["max_range"][rows, 0, 0]
+        by_distance = not isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver))
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
             *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
-            self._chance, self._likelihood, self._entropy, not isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)), information,
+            self._chance, self._likelihood, self._entropy, by_distance, information,
         )  # fmt: skip
         return information.astype(np.float64)
 

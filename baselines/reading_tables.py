@@ -24,8 +24,9 @@ COSINE_BINS = 2048  # of the tables by bearing: at most 2.5 degrees, a quarter o
 def tabulate_likelihood(belief: Belief, water: Water) -> np.ndarray:
     """(A, Z) float32 chance of each reading, as the filter scores it.
 
-    A stereo hydrophone's readings, and of bearings with ranges the bearings, are -9 to 9 units by the cosine of the bearing in A equal bins (Eqs. 5, 6); the others' go by
-    distance in whole metres: ranges in bins two sigmas wide (Eq. 21), or silence and detection (Eq. 22).
+    A stereo hydrophone's readings are -9 to 9 units by the cosine of the bearing in A equal bins (Eqs. 5, 6); where it ranges,
+    too, only the bearings count. The others' go by distance in whole metres: ranges in bins two sigmas wide (Eq. 21), or silence
+    and detection (Eq. 22).
     """
     receiver = belief.receiver
     if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)):

@@ -44,15 +44,16 @@ LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
 def usual_parameters(scenario: Scenario) -> dict[str, Any]:
     """What a baseline does in a task unless told otherwise, where its own defaults, those of the stereo hydrophone, do not suit.
 
-    Ranging: the tuned circle of RangeOnly-v0 and, because one range alone drives the vehicle away, the information of a whole
-    turn. Presence: 0.8 of the working range (Masmitja et al. 2020, Fig. 3C); ``pursuit``, ``three_step`` and ``stationary`` run,
-    but stay where every ping is heard and nothing is learned. A search begins after three intervals of silence.
+    Bearing and range together: the tuned circle (5 to 14 m are as good). Ranging: the tuned circle of RangeOnly-v0 and, because
+    one range alone drives the vehicle away, the information of a whole turn. Presence: 0.8 of the working range (Masmitja et al.
+    2020, Fig. 3C); ``pursuit``, ``three_step`` and ``stationary`` run, but stay where every ping is heard and nothing is learned.
+    A search begins after three intervals of silence.
     """
     receiver, time_step = scenario.belief.receiver, scenario.time_step
     if isinstance(receiver, StereoHydrophone):
         return {}
     if isinstance(receiver, TimeOfFlightReceiver):
-        return {}
+        return {"radius": 10.0}
     usual = {"patience": max(30.0, 3.0 * max(scenario.tag.longest_interval, time_step)), "hold": max(10.0, time_step)}
     if isinstance(receiver, PresenceReceiver):
         return {**usual, "radius": 0.8 * receiver.working_range, "horizon": 6}

@@ -188,7 +188,8 @@ def update_beliefs(b, worlds, p, stream, scratch):
         first, last = (0, vehicles) if owners == 1 else (o, o + 1)
         for t in range(tags):
             update_belief(
-                worlds.particles[b, o, t], worlds.beliefs[b, o, t], worlds.vehicles[b, first:last], worlds.contacts[b, first:last, t],
+                worlds.particles[b, o, t], worlds.beliefs[b, o, t],
+                worlds.vehicles[b, first:last], worlds.contacts[b, first:last, t],
                 stream, o * tags + t, p.belief, p.time_step, scratch,
             )  # fmt: skip
 

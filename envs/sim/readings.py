@@ -1,4 +1,4 @@
-"""Readings of heard pings as the truth draws them: bearing, signal strength, time of arrival, range, and the chance of presence."""
+"""Readings of heard pings as the truth draws them: bearing, signal strength, time of arrival, range, and chance of presence."""
 
 from __future__ import annotations
 

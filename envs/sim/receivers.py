@@ -94,7 +94,7 @@ class TimeOfFlightReceiver:
     """
 
     bearing_sigma: float = 1.0  # sigma_alpha [Lotek units], some 10 degrees (III.B)
-    range_sigma: float = 2.0  # sigma_d [m]: noise of the arrival times the speed of sound (Table III: 2.34 and 2.63 with GPS errors)
+    range_sigma: float = 2.0  # sigma_d [m]: arrival noise times v (Table III, GPS errors included: 2.34 and 2.63)
     range_factor: float = 1.0  # reading / true range: the error of the assumed sound speed
     sound_speed: float = USUAL_SOUND_SPEED  # v [m/s], as assumed
     # Since t_0 was set [h]; the paper's ranges were good after four. What the clock is off by then is drawn for each episode:
