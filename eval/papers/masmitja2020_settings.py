@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TABLE = "Fig. 3C"
-SECONDS = 60 * 60.0  # of an iteration; not printed
 SETTLING = 20 * 60.0  # [s] left out: the particles still gather
 TARGETS = MappingProxyType({"static": RESTING, "moving": SWIMMING})
 
@@ -114,7 +113,7 @@ def run_value(ratio: str, value: float, target: str, belief: Belief, setting: Se
         renewed_share=value if ratio == "resampling" else RENEWED,
     )
     scenario = make_scenario(
-        seconds=SECONDS,
+        seconds=setting.size.settings_seconds,
         particles=setting.size.area_particles,
         reception=value if ratio == "reception" else 1.0,
         fish=TARGETS[target],
@@ -143,7 +142,7 @@ def plot_sweeps(found: Mapping[tuple[str, str], Sweep]) -> Figure:
 
 def count_steps(size: Size) -> int:
     values = sum(len(values) for values in SWEEPS.values())
-    return len(FILTERS) * len(TARGETS) * values * size.settings * round(SECONDS / TIME_STEP)
+    return len(FILTERS) * len(TARGETS) * values * size.settings * round(size.settings_seconds / TIME_STEP)
 
 
 SETTINGS_TWIN = Experiment(paper=PAPER, table=TABLE, run=run_settings, steps=count_steps)

@@ -23,6 +23,7 @@ from tagtrack.eval.papers.masmitja2020_twin import (
     iterate,
     make_scenario,
     resample_iterations,
+    told_of,
 )
 from tagtrack.eval.papers.printed import MASMITJA2020_FIG_3D, MASMITJA2020_LOST
 from tagtrack.eval.plots import COLOURS, FAINT, empty_figure
@@ -41,7 +42,7 @@ NOTE = (
     "particle beyond 250 m, most often wrongly at 60 %, and the circle follows. The next tables change the weights."
 )
 ON_PUBLISHED = (
-    "Weights as in the first author's later published filter: a Cauchy distribution (arctan) of 1 m, in silence of 40 m. A "
+    "Weights as in the first author's published filter: a Cauchy distribution (arctan) of 1 m, in silence of 40 m. A "
     "particle 200 m inside then keeps 6 % of its weight in a silence, and one miss no longer decides. Only the weights differ "
     "from the table before: we believe that the printed figures come from such ones, not from Eq. 22."
 )
@@ -92,9 +93,7 @@ def run_turn(setting: Setting) -> Findings:
 
 def track(variant: Variant, reception: float, setting: Setting) -> Floats:
     """Errors (iterations, steps) [m]."""
-    belief = variant.belief
-    if variant.told:
-        belief = replace(belief, receiver=replace(AOTT.receiver, reception=reception))
+    belief = told_of(reception) if variant.told else variant.belief
     fish = WANDERING if variant.wandering else SWIMMING
     size = setting.size
     scenario = make_scenario(seconds=SECONDS, particles=size.area_particles, reception=reception, fish=fish, belief=belief)

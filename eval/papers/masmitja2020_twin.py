@@ -1,8 +1,8 @@
 """Area-only tracking as Masmitja et al. 2020 simulate it ("AOTT simulations"): the scenario, its filters, and iterations of it.
 
 A vehicle circles its estimate of a tag that rests or swims at 0.2 m/s and turns right by 90 degrees after 67 minutes. Not
-printed, and assumed here: how the particles move (``AOTT``), that a tag is heard just up to the maximum range, that a
-resting or swimming tag is at first within the circle's radius, and how long a mission lasts.
+printed, and assumed here: how the particles move (``AOTT``), that a tag is heard just up to the maximum range and is at first
+within the circle's radius of the vehicle, and how long a mission lasts. The share spread anew is spread before weighing.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ SWIMMING = StraightLegs(
 )
 WANDERING = MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.3)  # the fish of AreaOnly-v0
 
-# The weights of the first author's published filter (github.com/imasmitja/RLforUTracking, tracking/target_pf.py, 2023): a Cauchy
-# distribution of these scales [m].
+# The weights of the first author's published filter (github.com/imasmitja/RLforUTracking, tracking/target_pf.py, "area"): a
+# Cauchy distribution of these scales [m].
 PUBLISHED = replace(
     AOTT, heavy_tails=True, receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=1.0, silence_sigma=40.0)
 )
@@ -71,6 +71,11 @@ def make_scenario(
         receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=EDGE, reception=reception),
         belief=replace(belief, particles=particles),
     )
+
+
+def told_of(reception: float) -> Belief:
+    """The paper's filter, but with the reception ratio in its weights of silence."""
+    return replace(AOTT, receiver=PresenceReceiver(max_range=MAX_RANGE, reception=reception))
 
 
 def iterate(scenario: Scenario, iterations: int, setting: Setting, radius: float = RADIUS) -> Floats:

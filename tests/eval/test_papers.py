@@ -127,6 +127,7 @@ SMALL = Size(
     records=2,
     particles=50,
     settings=2,
+    settings_seconds=1300,
     tracked=2,
     area_particles=50,
 )
