@@ -62,6 +62,8 @@ class Belief:
     largest_jump: float = LARGEST_JUMP  # from one time-of-flight range to the next [m]; a ping beyond is not used
     estimate: Estimate = Estimate.MEAN
     weight_floor: float = 0.001  # of Eqs. 6, 9, 10
+    # Whether presence is weighed by a Cauchy distribution, as in the published code of Masmitja, in place of Eq. 22's normal one.
+    heavy_tails: bool = False
     half_width: float = 100.0  # L: particles start uniformly in a square of 2L about the vehicle [m]
     # Compound resampling (Masmitja et al. 2020): at each correction this share of the particles is spread anew about the last
     # estimate, uniformly over a disc of this radius. 0: plain resampling. They are spread before they are weighed, where the
@@ -120,6 +122,7 @@ class FilterRule:
     largest_jump: float
     estimate: int
     weight_floor: float
+    heavy_tails: bool
     half_width: float
     renewed_share: float
     renewed_radius: float
@@ -135,6 +138,7 @@ def filter_rule(belief: Belief, time_step: float) -> FilterRule:
         largest_jump=belief.largest_jump,
         estimate=int(belief.estimate),
         weight_floor=belief.weight_floor,
+        heavy_tails=belief.heavy_tails,
         half_width=belief.half_width,
         renewed_share=belief.renewed_share,
         renewed_radius=belief.renewed_radius,

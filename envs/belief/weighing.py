@@ -13,6 +13,7 @@ from tagtrack.envs.kernels.weight_loops import (
     expect_strength,
     weigh_bearing,
     weigh_bearing_range,
+    weigh_by_cauchy,
     weigh_combined,
     weigh_detection,
     weigh_range,
@@ -89,7 +90,12 @@ def weigh_presence(particles, vehicle, contact, rule, scratch):
     else:
         reach = scratch.normal_1
         fill_row(reach, f32(receiver.max_range))
-    if contact.detected:
+    if rule.heavy_tails:
+        sigma = f32(receiver.detection_sigma if contact.detected else receiver.silence_sigma)
+        reception = f32(1.0 if contact.detected else receiver.reception)
+        heard = contact.detected
+        weigh_by_cauchy(scratch.weight, particles[0], particles[1], reach, own_x, own_y, depth, sigma, reception, heard, floor)
+    elif contact.detected:
         sigma = f32(receiver.detection_sigma)
         weigh_detection(scratch.weight, particles[0], particles[1], reach, own_x, own_y, depth, sigma, floor)
     else:

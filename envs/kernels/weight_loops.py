@@ -134,3 +134,18 @@ def weigh_silence(weight, x, y, reach, own_x, own_y, depth, sigma, reception, fl
         dy = y[i] - own_y
         z = (np.sqrt(dx * dx + dy * dy + below) - reach[i]) * per_sigma
         weight[i] *= floor + f32(1.0) - reception * normal_survival(z)
+
+
+@compiled
+def weigh_by_cauchy(weight, x, y, reach, own_x, own_y, depth, sigma, reception, heard, floor):
+    """As ``weigh_detection`` where ``heard``, else as ``weigh_silence``, by the Cauchy distribution's survival function."""
+    per_sigma = f32(1.0) / sigma
+    below = depth * depth
+    least = f32(0.0) if heard else f32(1.0)
+    gain = reception if heard else -reception
+    for i in range(weight.shape[0]):
+        dx = x[i] - own_x
+        dy = y[i] - own_y
+        z = (np.sqrt(dx * dx + dy * dy + below) - reach[i]) * per_sigma
+        survival = f32(0.5) - f32(math.atan(z) / math.pi)
+        weight[i] *= floor + least + gain * survival

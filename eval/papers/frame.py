@@ -51,9 +51,14 @@ class Size:
     stationary: int = 400  # missions to a resting tag
     records: int = 200  # records of arrivals
     particles: int = 1000
+    settings: int = 30  # iterations of each setting of Fig. 3C (Masmitja et al. 2020, "AOTT simulations")
+    settings_seconds: int = 60 * 60  # [s] of each; not printed
+    tracked: int = 50  # iterations of Fig. 3D
+    area_particles: int = 10_000  # of their filter
 
 
-QUICK = Size(recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, records=4, particles=200)
+QUICK = Size(recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, records=4, particles=200,
+    settings=3, settings_seconds=1800, tracked=4, area_particles=500)
 
 
 @dataclass(frozen=True, kw_only=True)

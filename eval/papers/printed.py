@@ -73,3 +73,11 @@ LIN2013_TABLE_III = _table(("mean", "σ"), {"Tied to buoy": (1.93, 2.34), "Activ
 
 # Error of the distance after 22 hours [m]: of the figure, and of the same experiment on another day (V.C).
 LIN2013_FIG_6 = MappingProxyType({"day of the figure": -1.5, "another day": 8.0})
+
+# The ratios that follow from the simulations of Fig. 3C: TCR / MTR (0.8 "the greatest"), MPR / MTR (300 m over 250 m), and the
+# share of the particles that compound resampling spreads ("AOTT simulations").
+MASMITJA2020_FIG_3C = MappingProxyType({"radius": 0.8, "range": 1.2, "resampling": 0.015})
+
+# Error before and after the turn [m] by reception ratio [%], and iterations lost with 60 % [%] (Discussion, "AOTT algorithm").
+MASMITJA2020_FIG_3D = _table(("before the turn", "after the turn"), {"100": (50, 50), "60": (100, 100)})
+MASMITJA2020_LOST = 2.0

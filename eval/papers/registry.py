@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from tagtrack.eval.papers import clark2013_filters, clark2013_missions, lin2013_clock, lin2013_ranging
+from tagtrack.eval.papers import (
+    clark2013_filters,
+    clark2013_missions,
+    lin2013_clock,
+    lin2013_ranging,
+    masmitja2020_settings,
+    masmitja2020_turn,
+)
 from tagtrack.eval.papers.frame import Experiment
 
 EXPERIMENTS: Mapping[str, tuple[Experiment, ...]] = MappingProxyType(
@@ -17,5 +24,6 @@ EXPERIMENTS: Mapping[str, tuple[Experiment, ...]] = MappingProxyType(
             lin2013_clock.DRIFT_TWIN,
             lin2013_ranging.RANGING_TWIN,
         ),
+        "masmitja2020": (masmitja2020_settings.SETTINGS_TWIN, masmitja2020_turn.TURN_TWIN),
     }
 )

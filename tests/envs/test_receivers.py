@@ -69,6 +69,14 @@ def test_silence_says_less_where_pings_within_range_are_missed() -> None:
     np.testing.assert_allclose(weight, 1.0 - 0.6 * stats.norm.sf(slant, 250.0, 9.0), rtol=0, atol=1e-5)
 
 
+def test_heavy_tails_weigh_by_the_cauchy_distribution_with_the_same_scales() -> None:
+    belief = Belief(particles=20_000, receiver=PresenceReceiver(reception=0.6), weight_floor=0.0, heavy_tails=True)
+    heard, slant, _ = weights_of(belief, detected=True)
+    np.testing.assert_allclose(heard, stats.cauchy.sf(slant, 250.0, 4.5), rtol=0, atol=1e-5)
+    unheard, slant, _ = weights_of(belief, detected=False)
+    np.testing.assert_allclose(unheard, 1.0 - 0.6 * stats.cauchy.sf(slant, 250.0, 9.0), rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize("detected", [True, False])
 def test_each_particle_is_weighed_by_its_own_range_where_that_is_estimated(detected: bool) -> None:
     receiver = PresenceReceiver(max_range=275.0, max_range_spread=125.0, detection_sigma=40.0, silence_sigma=50.0, reception=0.8)

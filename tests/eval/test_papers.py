@@ -59,7 +59,7 @@ def test_every_experiment_can_tell_its_length(size):
 
 
 def test_a_paper_is_a_choice_only_where_an_experiment_has_a_twin():
-    assert set(EXPERIMENTS) == {"clark2013", "lin2013"}
+    assert set(EXPERIMENTS) == {"clark2013", "lin2013", "masmitja2020"}
 
 
 def test_a_page_sets_printed_beside_ours_and_marks_what_lies_outside():
@@ -100,7 +100,7 @@ def test_one_paper_alone_replaces_an_earlier_result(evaluate, tiny, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("--paper", "einstein1905"), "error: unknown paper 'einstein1905'; known: clark2013, lin2013\n"),
+        (("--paper", "einstein1905"), "error: unknown paper 'einstein1905'; known: clark2013, lin2013, masmitja2020\n"),
         (("--seed", "-1"), "error: seed must be from 0 to 2147483647, got -1\n"),
         (("--threads", "0"), "error: --threads must be at least 1, got 0\n"),
     ],
@@ -118,7 +118,19 @@ def test_a_folder_of_others_is_refused(evaluate, tmp_path):
     assert "holds chapter.tex, which is no part of a comparison with the papers" in err
 
 
-SMALL = Size(recorded=2, trials=1, moving=2, moving_seconds=120, stationary=2, records=2, particles=50)
+SMALL = Size(
+    recorded=2,
+    trials=1,
+    moving=2,
+    moving_seconds=120,
+    stationary=2,
+    records=2,
+    particles=50,
+    settings=2,
+    settings_seconds=1300,
+    tracked=2,
+    area_particles=50,
+)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,96 @@
+"""Area-only tracking as Masmitja et al. 2020 simulate it ("AOTT simulations"): the scenario, its filters, and iterations of it.
+
+A vehicle circles its estimate of a tag that rests or swims at 0.2 m/s and turns right by 90 degrees after 67 minutes. Not
+printed, and assumed here: how the particles move (``AOTT``), that a tag is heard just up to the maximum range and is at first
+within the circle's radius of the vehicle, and how long a mission lasts. The share spread anew is spread before weighing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from tagtrack.baselines.registry import make_baseline
+from tagtrack.envs.belief.filter import AOTT, Belief
+from tagtrack.envs.scenario import Scenario, Start
+from tagtrack.envs.sim.acoustics import Water
+from tagtrack.envs.sim.legs import StraightLegs
+from tagtrack.envs.sim.motion import MomentumRandomWalk
+from tagtrack.envs.sim.receivers import PresenceReceiver
+from tagtrack.envs.sim.tags import Tag
+from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.task import Task
+from tagtrack.eval.metrics import Floats
+from tagtrack.eval.papers.frame import Setting
+from tagtrack.eval.rollout import roll_out
+
+PAPER = "masmitja2020"
+TIME_STEP = 10.0  # [s]
+MAX_RANGE = 250.0  # maximum tag transmission range, MTR [m]
+RADIUS = 200.0  # tracker radius, TCR [m]
+PARTICLE_RANGE = AOTT.renewed_radius  # maximum particles range, MPR [m]
+RENEWED = AOTT.renewed_share  # ratio of the compound resampling
+TURN = 67 * 60.0  # [s]: when the tag turns, to a side drawn by chance
+EDGE = 1.0  # sigma of the true edge of hearing [m]: hard, for all else is "considered ideal"
+
+RESTING = StraightLegs(max_speed=0.0)
+SWIMMING = StraightLegs(
+    least_speed=0.2, max_speed=0.2, shortest_leg=TURN, longest_leg=TURN, least_turn=math.pi / 2, largest_turn=math.pi / 2
+)
+WANDERING = MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.3)  # the fish of AreaOnly-v0
+
+# The weights of the first author's published filter (github.com/imasmitja/RLforUTracking, tracking/target_pf.py, "area"): a
+# Cauchy distribution of these scales [m].
+PUBLISHED = replace(
+    AOTT, heavy_tails=True, receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=1.0, silence_sigma=40.0)
+)
+FILTERS: Mapping[str, Belief] = MappingProxyType({"": AOTT, ", published weights": PUBLISHED})
+
+
+def make_scenario(
+    *,
+    seconds: float,
+    particles: int,
+    reception: float = 1.0,
+    fish: StraightLegs | MomentumRandomWalk = SWIMMING,
+    belief: Belief = AOTT,
+) -> Scenario:
+    """The paper's experiment with the second set's parameters: a ping every 60 s, 250 m, 1 m/s."""
+    return Scenario(
+        time_step=TIME_STEP,
+        episode_steps=round(seconds / TIME_STEP),
+        vehicle=Vehicle(max_speed=1.0, max_turn_rate=0.05, heading_gain=0.05, control_interval=5.0, fix_interval=0.0),
+        fish=fish,
+        start=Start(nearest=0.0, farthest=RADIUS),
+        tag=Tag(period=60.0),
+        water=Water(reach=20 * MAX_RANGE, edge_width=1.0, clear_hearing=1.0, noisy_share=0.0),  # all losses are the receiver's
+        receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=EDGE, reception=reception),
+        belief=replace(belief, particles=particles),
+    )
+
+
+def told_of(reception: float) -> Belief:
+    """The paper's filter, but with the reception ratio in its weights of silence."""
+    return replace(AOTT, receiver=PresenceReceiver(max_range=MAX_RANGE, reception=reception))
+
+
+def iterate(scenario: Scenario, iterations: int, setting: Setting, radius: float = RADIUS) -> Floats:
+    """Localization error (iterations, steps) [m] of a vehicle that circles its estimate at a radius [m]."""
+    record = roll_out(
+        Task(scenario=scenario, track=None),
+        lambda simulation: make_baseline(f"circle:{radius}", simulation),
+        episodes=iterations,
+        seed=setting.seed,
+        threads=setting.threads,
+        on_step=setting.advance,
+    )
+    return record.error
+
+
+def resample_iterations(iterations: int, seed: int, repetitions: int = 1000) -> np.ndarray:
+    """(repetitions, iterations) which iterations each repeated set of as many holds (bootstrap)."""
+    return np.random.default_rng(seed).integers(0, iterations, (repetitions, iterations))
