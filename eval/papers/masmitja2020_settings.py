@@ -55,7 +55,7 @@ LABELS = MappingProxyType(
 )
 
 NOTE = (
-    "The ratio with the least mean error among those tried, after the first 20 of 60 minutes; a repetition is 30 iterations, "
+    "The ratio of least mean error, after the first 20 of 60 minutes; a repetition is 30 iterations, "
     "drawn anew from ours. On a circle of the tag's range every ping tells most, and ours prefers it: the next table but one "
     "says why 0.8 may be better. Particle range and small shares hardly matter: their best values are chance."
 )
