@@ -37,14 +37,14 @@ STRETCH = 30 * 60.0  # [s] over which errors are averaged: the last half hour be
 END = 10 * 60.0  # [s]: an iteration is lost whose mean error over the last ten minutes exceeds the transmission range
 
 NOTE = (
-    "A repetition is 50 iterations, drawn anew from ours. Averaged: the last half hour before the turn and of the 134 minutes. "
-    "Lost: more than 250 m off over the last ten. Eq. 22 as printed allows no missed ping within range: a silence moves every "
-    "particle beyond 250 m, most often wrongly at 60 %, and the circle follows. The next tables change the weights."
+    "A repetition is 50 iterations, drawn anew from ours. Averaged: the last half hour before the turn and of all 134 minutes. "
+    "Lost: over 250 m off in the last ten. Eq. 22 as printed allows no missed ping within range: silence moves all particles "
+    "beyond 250 m, at 60 % mostly wrongly, and the circle follows."
 )
 ON_PUBLISHED = (
     "Weights as in the first author's published filter: a Cauchy distribution (arctan) of 1 m, in silence of 40 m. A "
-    "particle 200 m inside then keeps 6 % of its weight in a silence, and one miss no longer decides. Only the weights differ "
-    "from the table before: we believe that the printed figures come from such ones, not from Eq. 22."
+    "particle 200 m inside then keeps 6 % of its weight in silence; one miss no longer decides. Nothing else differs from the "
+    "table before: we believe that the printed figures come from such weights, not from Eq. 22."
 )
 ON_TAILS = (
     "The Cauchy distribution with Eq. 22's printed scales, 4.5 and 9 m: 200 m inside 1.4 % are kept in a silence. With 60 % the "

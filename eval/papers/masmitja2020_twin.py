@@ -8,9 +8,7 @@ within the circle's radius of the vehicle, and how long a mission lasts. The sha
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -48,7 +46,6 @@ WANDERING = MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.3
 PUBLISHED = replace(
     AOTT, heavy_tails=True, receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=1.0, silence_sigma=40.0)
 )
-FILTERS: Mapping[str, Belief] = MappingProxyType({"": AOTT, ", published weights": PUBLISHED})
 
 
 def make_scenario(
@@ -58,6 +55,7 @@ def make_scenario(
     reception: float = 1.0,
     fish: StraightLegs | MomentumRandomWalk = SWIMMING,
     belief: Belief = AOTT,
+    true_range: float = MAX_RANGE,
 ) -> Scenario:
     """The paper's experiment with the second set's parameters: a ping every 60 s, 250 m, 1 m/s."""
     return Scenario(
@@ -68,7 +66,7 @@ def make_scenario(
         start=Start(nearest=0.0, farthest=RADIUS),
         tag=Tag(period=60.0),
         water=Water(reach=20 * MAX_RANGE, edge_width=1.0, clear_hearing=1.0, noisy_share=0.0),  # all losses are the receiver's
-        receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=EDGE, reception=reception),
+        receiver=PresenceReceiver(max_range=true_range, detection_sigma=EDGE, reception=reception),
         belief=replace(belief, particles=particles),
     )
 
