@@ -143,5 +143,6 @@ def check_receivers(receivers: ArrayLike) -> Floats:
     if not np.isfinite(places).all():
         raise ValueError(f"receivers must be finite, got {places[~np.isfinite(places).all(axis=1)][0]}")
     if len(places) <= places.shape[1]:
-        raise ValueError(f"a position in {places.shape[1]} dimensions takes at least {places.shape[1] + 1} receivers, got {len(places)}")
+        least = places.shape[1] + 1
+        raise ValueError(f"a position in {places.shape[1]} dimensions takes at least {least} receivers, got {len(places)}")
     return places
