@@ -1,4 +1,4 @@
-"""What a receiver's own clock shows against that of a reference receiver: a polynomial by segment (Masmitja et al. 2020, Eq. 18)."""
+"""What a receiver's clock shows against that of a reference receiver: a polynomial by segment (Masmitja et al. 2020, Eq. 18)."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import pdist, squareform
 
 from tagtrack.baselines.static_array.detections import Detections
-from tagtrack.baselines.static_array.model import Floats, Pings
+from tagtrack.baselines.static_array.model import Pings
 
 DEFAULT_WINDOW = 1.0  # [s]; sound crosses 1.5 km, and the tags of such studies wait a minute
 DEFAULT_MARGIN = 0.05  # what clocks and echoes may add to the largest possible time difference [s]
