@@ -203,7 +203,7 @@ def _misfit_of(arrival: Floats, places: Floats, setting: ArraySetting) -> Misfit
 def _next_stage(log_weight: Floats, cost: Floats, most: float) -> float:
     """The share of the likelihood, below ``most``, that leaves ``STAGE_SHARE`` of the particles effective; by bisection."""
     low, high = np.log(most) - 40.0, np.log(most)
-    for _ in range(20):
+    for _ in range(10):
         middle = 0.5 * (low + high)
         if _effective_share(log_weight - np.exp(middle) * cost) < STAGE_SHARE:
             high = middle
