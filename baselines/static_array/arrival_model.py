@@ -22,7 +22,7 @@ DIFFUSE = 1e5  # [m], deviation of the prior that keeps a state determined on wh
 OUTLIERS, TAIL_SCALE, TAIL_DEGREES = 0.05, 10.0, 3.0  # of the robust errors: share, width in sigma, and Student's nu
 MOST_STEPS, MOST_HALVINGS = 60, 12
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
-CONVERGED = 1e-5  # decrease of minus the log density
+CONVERGED = 1e-3  # minus the log density that a last step would still gain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,11 @@ class ArrivalModel:
         for _ in range(MOST_STEPS):
             gradient, banded = self.curvature(state, scales)
             factor = _factorize(banded)
-            step = cho_solve_banded((factor, True), gradient, check_finite=False).reshape(state.shape)
+            step = cho_solve_banded((factor, True), gradient, check_finite=False)
+            expected = 0.5 * float(gradient @ step)
+            step = step.reshape(state.shape)
+            if expected < CONVERGED:
+                return state - step, cost - expected, factor
             for halving in range(MOST_HALVINGS):
                 candidate = state - 0.5**halving * step
                 new_cost = self.cost(candidate, scales)
@@ -128,10 +132,8 @@ class ArrivalModel:
                     break
             else:
                 break
-            gained, state, cost = cost - new_cost, candidate, new_cost
-            if gained < CONVERGED:
-                break
-        return state, cost, _factorize(self.curvature(state, scales)[1])
+            state, cost = candidate, new_cost
+        return state, cost, factor
 
     def start(self, position: Floats) -> Floats:
         """States at given positions (N, n), each transmission time where the median of its arrivals puts it."""

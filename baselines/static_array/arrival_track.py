@@ -22,10 +22,10 @@ MOST_STRAYS = 0.1  # share of intervals that may lie farther: outliers
 FEWEST_INTERVALS = 5
 FEWEST_PINGS = 10  # located ones, to estimate scales from; fewer keep the setting's
 FIRST_INTERVAL_SIGMA = 1e-3  # [s]
-REACH = np.log(1e4)  # how far from their start the scales are sought
+REACH = np.log(1e3)  # how far from their start the scales are sought
 COARSENESS = (30.0, 5.0)  # the first fits take arrivals for that many times worse: outliers show before they attract
 SMOOTHING = 5  # located pings whose median is the start
-TOLERANCE, MOST_EVALUATIONS = 0.02, 150  # of the search for log scales
+TOLERANCE, MOST_EVALUATIONS = 0.05, 150  # of the search for log scales
 
 
 @dataclass(frozen=True, kw_only=True)
