@@ -40,11 +40,15 @@ class ArrivalTrack:
     missed: int  # pings of a regular tag that nobody heard between the first and the last
 
 
-def yaps(pings: Pings, receivers: ArrayLike, setting: ArraySetting) -> Positions:
+def yaps(
+    pings: Pings, receivers: ArrayLike, setting: ArraySetting, *, information: Floats | None = None
+) -> Positions:
     """Positions by YAPS, all pings at once; whether the tag is regular is found from the pings.
 
-    Args, errors: as of ``track_arrivals``.
+    Args, errors: as of ``track_arrivals``; and ValueError for an ``information`` of the arrivals, which YAPS estimates itself.
     """
+    if information is not None:
+        raise ValueError("yaps takes arrival times and finds out how good they are; for differences (TDOA) use another method")
     return track_arrivals(pings, receivers, setting, interval=regular_interval(pings.time)).positions
 
 

@@ -1,9 +1,10 @@
 """Particle filter on the arrivals at moored receivers: a causal track, position after position (Masmitja et al. 2020, PF).
 
-A particle is a position and a velocity that changes by white acceleration (Eqs. 8-9, with the time that really passed between two
-pings). One ping pins a position down to a metre where the particles stand tens of metres apart, at the first ping hundreds; so
-where too few particles would survive, its likelihood is let in by stages, each followed by Metropolis moves that leave the
-posterior as it is (Del Moral et al. 2006): no jitter, no invented spread. The errors are Gaussian as in the paper: outliers drag it.
+The target's velocity changes by white acceleration (Eqs. 8-9, with the time that really passed between two pings). Particles are
+paths of positions; of each the velocity is normal in closed form and need not be drawn (Schoen et al. 2005). One ping pins a
+position down to a metre where the particles stand tens of metres apart, at the first ping hundreds: where too few would survive,
+its likelihood is let in by stages, each followed by Metropolis moves that leave the posterior as it is (Del Moral et al. 2006).
+The errors are Gaussian as in the paper: outliers drag the track.
 """
 
 from __future__ import annotations
@@ -29,13 +30,20 @@ TEMPER_BELOW = 0.02  # effective share that one update may leave: 120 of 6000 kn
 STAGE_SHARE = 0.25  # effective share that a stage leaves
 MOVES = 2  # Metropolis moves after a stage
 SMALLEST_MOVE, LARGEST_MOVE = 0.05, 2.0  # of the particles' own spread, drawn log-uniform: modes of any width are explored
+SMALLEST_EIGENVALUE = 1e-9  # of the largest; below it is rounding
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
 
 Misfit = Callable[[Floats], Floats]
 
 
 def particle_filter(
-    pings: Pings, receivers: ArrayLike, setting: ArraySetting, *, particles: int = PARTICLES, seed: int = 0
+    pings: Pings,
+    receivers: ArrayLike,
+    setting: ArraySetting,
+    *,
+    information: Floats | None = None,
+    particles: int = PARTICLES,
+    seed: int = 0,
 ) -> Positions:
     """Mean and covariance of the particles after each ping, from it and those before.
 
@@ -45,6 +53,7 @@ def particle_filter(
     Args:
         pings: K pings in order of time. receivers: (R, n) [m].
         setting: of it the speed of sound, ``sigma`` of an arrival, ``acceleration_sigma`` and ``first_speed_sigma``.
+        information: (K, R, R) [1/s^2] of the arrivals; by default independent errors of ``setting.sigma``.
         particles: how many. seed: of their random numbers; the same seed gives the same track.
     Returns:
         position (K, n) and covariance (K, n, n); NaN before the first.
@@ -59,27 +68,29 @@ def particle_filter(
         raise ValueError("pings must be in order of time")
     if particles < 2:
         raise ValueError(f"particles must be at least 2, got {particles}")
+    known = arrival_information(pings.heard, setting.sigma) if information is None else information
     position = np.full((len(pings.time), dimensions), np.nan)
     covariance = np.full((len(pings.time), dimensions, dimensions), np.nan)
     located = np.flatnonzero(pings.heard.sum(axis=1) > dimensions)
     if located.size:
         rng = np.random.default_rng(seed)
         first = int(located[0])
-        cloud = _first_cloud(_misfit_of(pings.arrival[first], places, setting), places, setting, particles, rng)
+        cloud = _first_cloud(_misfit_of(pings.arrival[first], known[first], places, setting.sound_speed), places, setting, particles, rng)
         position[first], covariance[first] = cloud.summarize()
         for k in range(first + 1, len(pings.time)):
             interval = max(float(pings.time[k] - pings.time[k - 1]), SHORTEST_INTERVAL)
-            cloud = _next_cloud(cloud, _misfit_of(pings.arrival[k], places, setting), interval, setting, rng)
+            cloud = _next_cloud(cloud, _misfit_of(pings.arrival[k], known[k], places, setting.sound_speed), interval, setting, rng)
             position[k], covariance[k] = cloud.summarize()
     return Positions(position=position, covariance=covariance)
 
 
 @dataclass
 class _Cloud:
-    """N weighted particles; position and velocity (n, N)."""
+    """N weighted particles: where each is, and how fast given where it has been."""
 
-    position: Floats
-    velocity: Floats
+    position: Floats  # (n, N) [m]
+    velocity: Floats  # (n, N) mean [m/s]
+    velocity_variance: float  # of each axis, the same for all: it depends on the times alone [m^2/s^2]
     log_weight: Floats  # (N,), up to a constant
 
     def summarize(self) -> tuple[Floats, Floats]:
@@ -102,21 +113,22 @@ def _first_cloud(
 
     start = rng.uniform(low, high, (len(low), particles))
     position, _, log_weight = _condition(start, np.zeros((0, particles)), np.zeros(particles), misfit, prior, rng)
-    velocity = setting.first_speed_sigma * rng.standard_normal(position.shape)
-    return _Cloud(position, velocity, log_weight)
+    return _Cloud(position, np.zeros_like(position), setting.first_speed_sigma**2, log_weight)
 
 
 def _next_cloud(
     cloud: _Cloud, misfit: Misfit, interval: float, setting: ArraySetting, rng: np.random.Generator
 ) -> _Cloud:
-    """Move and weigh. Only the position meets the ping; the velocity follows from where the particle went (Eq. 8, Q)."""
+    """Move by velocity and white acceleration (Eq. 8), weigh, and learn each velocity from the way its particle went."""
     log_weight = cloud.log_weight
     ancestor = np.concatenate([cloud.position + interval * cloud.velocity, cloud.velocity])
     if _effective_share(log_weight) < RESAMPLE_BELOW:
         ancestor = ancestor[:, _resample(log_weight, rng)]
         log_weight = np.zeros_like(log_weight)
     dimensions = len(cloud.position)
-    spread = setting.acceleration_sigma * np.sqrt(interval**3 / 3)
+    acceleration, speed = setting.acceleration_sigma**2, cloud.velocity_variance
+    variance = interval**2 * speed + acceleration * interval**3 / 3  # of the way
+    spread = np.sqrt(variance)
 
     def prior(position: Floats, ancestor: Floats) -> Floats:
         offset = (position - ancestor[:dimensions]) / spread
@@ -124,10 +136,10 @@ def _next_cloud(
 
     predicted = ancestor[:dimensions] + spread * rng.standard_normal(cloud.position.shape)
     position, ancestor, log_weight = _condition(predicted, ancestor, log_weight, misfit, prior, rng)
-    # Of the integral and the end of one Wiener process: mean 3 / (2 dt) times the integral, a quarter of the variance left.
-    velocity = ancestor[dimensions:] + 1.5 / interval * (position - ancestor[:dimensions])
-    velocity += 0.5 * setting.acceleration_sigma * np.sqrt(interval) * rng.standard_normal(velocity.shape)
-    return _Cloud(position, velocity, log_weight)
+    together = interval * speed + acceleration * interval**2 / 2  # covariance of the way and the velocity at its end
+    gain = together / variance
+    velocity = ancestor[dimensions:] + gain * (position - ancestor[:dimensions])
+    return _Cloud(position, velocity, speed + acceleration * interval - gain * together, log_weight)
 
 
 def _condition(
@@ -179,22 +191,22 @@ def _move(
     return np.where(accepted, proposed, position), np.where(accepted, new_cost, cost)
 
 
-def _misfit_of(arrival: Floats, places: Floats, setting: ArraySetting) -> Misfit:
+def _misfit_of(arrival: Floats, information: Floats, places: Floats, sound_speed: float) -> Misfit:
     """Of positions (n, N), half the quadratic form of their arrival residuals (model.py)."""
     heard = np.isfinite(arrival)
-    if heard.sum() < 2:  # one arrival tells of the unknown transmission time alone
+    value, vector = np.linalg.eigh(information[np.ix_(heard, heard)])
+    tells = value > SMALLEST_EIGENVALUE * value.max(initial=1.0)  # a common shift of all arrivals tells nothing
+    if not tells.any():
         return lambda position: np.zeros(position.shape[1])
-    information = arrival_information(heard, setting.sigma)[np.ix_(heard, heard)]
+    root = (np.sqrt(0.5 * value[tells]) * vector[:, tells]).T
     measured = arrival[heard] - arrival[heard].mean()
     where = places[heard]
-    value, vector = np.linalg.eigh(information)
-    root = (np.sqrt(0.5 * value[1:]) * vector[:, 1:]).T  # but for the common shift, which tells nothing
 
     def misfit(position: Floats) -> Floats:
         square = (position[0] - where[:, 0, None]) ** 2
         for coordinate, place in zip(position[1:], where.T[1:], strict=True):
             square += (coordinate - place[:, None]) ** 2
-        residual = root @ (measured[:, None] - np.sqrt(square) / setting.sound_speed)
+        residual = root @ (measured[:, None] - np.sqrt(square) / sound_speed)
         return np.einsum("ij,ij->j", residual, residual)
 
     return misfit
