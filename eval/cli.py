@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from tagtrack.eval.array.command import Array
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.calibrate import Calibrate
 from tagtrack.eval.check_consistency import Consistency
@@ -24,10 +25,11 @@ Command = (
     | Annotated[Speed, tyro.conf.subcommand("speed")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Papers, tyro.conf.subcommand("papers")]
+    | Annotated[Array, tyro.conf.subcommand("array")]
 )
 DESCRIPTION = (
     "Compare policies on the same fish, tune baselines, check the belief, time the simulation, calibrate tags, "
-    "repeat the papers' experiments."
+    "repeat the papers' experiments, locate tags by moored receivers."
 )
 
 
@@ -54,7 +56,7 @@ def parse(arguments: Sequence[str]) -> Command:
         args=arguments,
         prog="python -m eval",
         description=DESCRIPTION,
-        config=(tyro.conf.OmitArgPrefixes,),
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
     )
 
 

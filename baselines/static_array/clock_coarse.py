@@ -2,12 +2,13 @@
 
 Raw clocks can differ by more than a tag's interval, so it is not known which receptions belong together. Random intervals make
 a fingerprint: of all differences between the receptions of a tag at two receivers, the true ones agree. They are voted for in the
-first stretch where they stand out, a line goes through those initial points (step i), is followed through the rest of the data, and
-a polynomial goes through all that was found (step ii). What sound takes from a tag to the receivers is one constant for each tag.
+first stretch where they stand out. A line goes through those initial points (step i), is followed through the rest, and a
+polynomial goes through all that was found (step ii). What sound takes from a tag to two receivers is a constant of the tag.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from tagtrack.baselines.static_array.clock_model import ClockModel
 from tagtrack.baselines.static_array.detections import Codes, Detections
 from tagtrack.baselines.static_array.model import Floats
+from tagtrack.baselines.static_array.outliers import is_regular
 
 BLOCK = 6 * 3600.0  # of one vote [s]; a clock that drifts by 30 ppm moves 0.65 s in it
 VOTE_WINDOW = 1.0  # within which differences agree [s]: drift within a block, and sound across the array
 FEWEST_VOTES = 8
 TRAILING_BLOCKS = 8  # that the line is fitted to by which the next block is predicted
-CUT, SMALLEST_CUT = 6.0, 0.01  # standard deviations (by the median absolute deviation), and [s]: what is left out of a fit
+SMALLEST_CUT = 0.01  # nothing this near to a fit is left out of it [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +96,7 @@ def coarse_clocks(
     """Steps i and ii for all receivers that can be tied to the reference, directly or by others.
 
     Args:
-        sync: detections of the sync tags on raw clocks. reference: receiver; by default the one with most votes.
+        sync: detections of the sync tags on raw clocks. reference: receiver; by default the one whose clock is in the middle.
         degree: of the polynomials. largest_offset: that is searched between two clocks [s].
     """
     by_receiver = [sync.take(sync.receiver == index) for index in range(len(sync.receivers))]
@@ -104,20 +106,39 @@ def coarse_clocks(
         if seed is not None:
             seeds[one, other] = seed
         progress("votes", 1)
-    support = np.zeros(len(by_receiver))
-    for pair, seed in seeds.items():
-        support[list(pair)] += seed.votes
-    root = int(np.argmax(support)) if reference is None else sync.receivers.index(reference)
+    root = _middle_clock(seeds) if reference is None else sync.receivers.index(reference)
     pairs: dict[str, PairClock] = {}
-    tied = {root}
-    while leaving := [pair for pair in seeds if (pair[0] in tied) != (pair[1] in tied)]:
-        best = max(leaving, key=lambda pair: seeds[pair].votes)
-        neighbour, receiver = best if best[0] in tied else best[::-1]
+    for receiver, neighbour, seed in _tree(seeds, root):
         differences = pair_differences(by_receiver[receiver], by_receiver[neighbour], largest_offset)
-        seed = seeds[best] if best[0] in tied else seeds[best].turned()
-        pairs[sync.receivers[receiver]] = _pair_clock(sync.receivers[receiver], sync.receivers[neighbour], differences, seed, degree)
-        tied.add(receiver)
+        name = sync.receivers[receiver]
+        pairs[name] = _pair_clock(name, sync.receivers[neighbour], differences, seed, degree)
     return CoarseClocks(reference=sync.receivers[root], pairs=pairs)
+
+
+def _tree(seeds: Mapping[tuple[int, int], Seed], root: int) -> list[tuple[int, int, Seed]]:
+    """Receiver, neighbour nearer to the root, and their initial points: all that can be reached, over pairs with most votes."""
+    tied, branches = {root}, []
+    while leaving := [pair for pair in seeds if (pair[0] in tied) != (pair[1] in tied)]:
+        neighbour, receiver = best = max(leaving, key=lambda pair: seeds[pair].votes)
+        seed = seeds[best]
+        if receiver in tied:
+            neighbour, receiver, seed = receiver, neighbour, seed.turned()
+        branches.append((receiver, neighbour, seed))
+        tied.add(receiver)
+    return branches
+
+
+def _middle_clock(seeds: Mapping[tuple[int, int], Seed]) -> int:
+    """Of the receivers tied to the one with most votes, that whose clock is in the middle: least likely to be set wrong."""
+    votes: Counter[int] = Counter()
+    for pair, seed in seeds.items():
+        votes.update(dict.fromkeys(pair, seed.votes))
+    if not votes:
+        return 0
+    ahead = {votes.most_common(1)[0][0]: 0.0}
+    for receiver, neighbour, seed in _tree(seeds, next(iter(ahead))):
+        ahead[receiver] = ahead[neighbour] + seed.lowest + VOTE_WINDOW / 2
+    return sorted(ahead, key=lambda receiver: ahead[receiver])[(len(ahead) - 1) // 2]
 
 
 def pair_differences(receiver: Detections, neighbour: Detections, largest: float) -> Differences:
@@ -197,7 +218,7 @@ def fit_within_tags(differences: Differences, rows: NDArray[np.intp], degree: in
         levels = (tag[:, None] == np.unique(tag)).astype(np.float64)
         solution = np.linalg.lstsq(np.hstack([powers, levels]), value, rcond=None)[0]
         residual = value - np.hstack([powers, levels]) @ solution
-        near = np.abs(residual) <= max(CUT * 1.4826 * float(np.median(np.abs(residual))), SMALLEST_CUT)
+        near = is_regular(residual, SMALLEST_CUT)
         shape = solution[:degree]
         level = float(np.mean(value - powers @ shape))
         if near.all():

@@ -1,7 +1,7 @@
 """All clocks at once: polynomials by segment and their offsets, from all receptions of the sync tags (steps iii and iv).
 
-Masmitja et al. 2020 fit each pair of receivers for itself. Here one least squares problem holds them all: a reception is the ping's
-transmission time, plus what sound takes, plus the receiver's clock,
+Masmitja et al. 2020 fit each pair of receivers for itself. Here one least squares problem holds them all: a reception is the
+transmission time of its ping, plus what sound takes, plus the receiver's clock,
 
     t = e_ping + tau_{tag, receiver} + C_receiver(t) + noise,
 
@@ -20,11 +20,12 @@ from scipy.sparse import coo_array, csr_array, hstack
 
 from tagtrack.baselines.static_array.detections import Codes
 from tagtrack.baselines.static_array.model import Floats
+from tagtrack.baselines.static_array.outliers import is_regular
 from tagtrack.baselines.static_array.travel import TravelTimes
 
 DAY = 86400.0
 POINTS_FOR_COEFFICIENT = 5  # fewer in a segment join it to the next one; fewer in all lower the degree
-CUT, SMALLEST_CUT = 6.0, 1e-3  # outliers: standard deviations (by the median absolute deviation), and [s]
+SMALLEST_CUT = 1e-3  # no reception is an outlier that fits this well [s]
 NEGLIGIBLE = 1e-9  # eigenvalue of the scaled normal matrix, as a share of the largest
 
 
@@ -146,8 +147,7 @@ def fit_clocks(
     for _ in range(20):
         solution, rank, open_columns = _solve(design, reduced, receptions.ping, used)
         misfit = reduced - design @ solution
-        from_median = np.abs(misfit - receptions.ping_median(misfit))
-        kept = from_median <= max(CUT * 1.4826 * float(np.median(from_median)), SMALLEST_CUT)
+        kept = is_regular(misfit - receptions.ping_median(misfit), SMALLEST_CUT)
         if np.array_equal(kept, used):
             break
         used = kept

@@ -1,8 +1,8 @@
 """Clocks of moored receivers from sync tags: the four steps of Masmitja et al. 2020 ("Receiver clock drift adjustment").
 
 Steps i (a line through the initial points) and ii (a polynomial through all) put the receptions of two receivers together
-(``clock_coarse.py``). Steps iii (polynomials by segment) and iv (offsets from distances, or from d_ij = d_ji) are one joint fit of
-all receivers (``clock_fit.py``). What is left out of it is counted, never dropped in silence.
+(``clock_coarse.py``). Steps iii (polynomials by segment) and iv (offsets from distances, or from d_ij = d_ji) are one fit of all
+receivers (``clock_fit.py``). What is left out of it is counted, never dropped in silence.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def synchronize(
     Args:
         detections: on raw clocks; only those of ``sync_tags`` are used.
         places: of receivers, by name [m]. Without them travel times are fitted too, which takes sync tags beside receivers.
-        reference: receiver whose clock is the time; by default the one that shares most.
+        reference: receiver whose clock is the time; by default the one whose clock is in the middle.
+            No clock knows the true time: all that is corrected is as late or early as this one.
         progress: told a step's name and how much of it is done.
     Raises:
         ValueError: if no receiver shares recognisable pings with another (or with the reference), or if the data leave an
@@ -96,7 +97,7 @@ def synchronize(
         sync, reference=reference, degree=setting.degree, largest_offset=setting.largest_offset, progress=progress
     )
     if not coarse.pairs:
-        raise ValueError(f"{coarse.reference} shares no pings of sync tags with another receiver: there is nothing to compare it to")
+        raise ValueError(f"{coarse.reference} shares too few pings of sync tags with any other receiver to compare clocks")
     receptions, echoes, alone = match_receptions(sync, coarse, setting.window)
     root = sync.receivers.index(coarse.reference)
     fit = fit_clocks(receptions, travel, root, degree=setting.degree, segment=setting.segment)
@@ -105,14 +106,7 @@ def synchronize(
         names = shorten(tuple(sync.receivers[index] for index in fit.undetermined))
         raise ValueError(f"the offsets of {names} cannot be told from travel times; give places, or sync tags beside receivers")
     models = _models(sync.receivers, root, receptions, fit)
-    residual = fit.residual
-    uncorrected, straightened = residual.copy(), residual.copy()
-    for index, name in enumerate(sync.receivers):
-        rows = receptions.receiver == index
-        if name in models:
-            time = receptions.time[rows]
-            uncorrected[rows] += models[name].offset(time)
-            straightened[rows] += coarse.correct(name, time, initial=True) - models[name].correct(time)
+    uncorrected, straightened = _earlier_residuals(sync.receivers, receptions, coarse, models, fit.residual)
     return Synchronization(
         reference=coarse.reference,
         models=models,
@@ -120,16 +114,16 @@ def synchronize(
         receptions=receptions,
         uncorrected=uncorrected,
         straightened=straightened,
-        residual=residual,
+        residual=fit.residual,
         used=fit.used,
         echoes=echoes,
         alone=alone,
-        sigma=float(np.sqrt(np.sum(residual[fit.used] ** 2) / max(fit.freedom, 1))),
+        sigma=float(np.sqrt(np.sum(fit.residual[fit.used] ** 2) / max(fit.freedom, 1))),
     )
 
 
 def match_receptions(sync: Detections, coarse: CoarseClocks, window: float) -> tuple[Receptions, int, int]:
-    """Receptions of sync tags that two receivers or more share; how many were echoes, and how many heard by one receiver alone."""
+    """Receptions of sync tags that two receivers or more share; how many were echoes, and how many one receiver heard alone."""
     time = np.full(sync.time.size, np.nan)
     for index, name in enumerate(sync.receivers):
         rows = sync.receiver == index
@@ -191,3 +185,17 @@ def _models(receivers: Sequence[str], reference: int, receptions: Receptions, fi
             rms=float(np.sqrt(np.mean(fit.residual[used] ** 2))) if used.any() else 0.0,
         )
     return models
+
+
+def _earlier_residuals(
+    receivers: Sequence[str], receptions: Receptions, coarse: CoarseClocks, models: Mapping[str, ClockModel], final: Floats
+) -> tuple[Floats, Floats]:
+    """What the final residuals (N,) were on raw clocks, and after step i [s]."""
+    uncorrected, straightened = final.copy(), final.copy()
+    for index, name in enumerate(receivers):
+        if name in models:
+            rows = receptions.receiver == index
+            time = receptions.time[rows]
+            uncorrected[rows] += models[name].offset(time)
+            straightened[rows] += coarse.correct(name, time, initial=True) - models[name].correct(time)
+    return uncorrected, straightened

@@ -22,7 +22,7 @@ from typing import BinaryIO, cast
 _GZIP = b"\x1f\x8b"
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _LONGEST_LINE = 1 << 20  # characters: what is longer is no csv
-_SHOWN = 200  # characters of a header in an error message
+_SHOWN = 200  # characters of a field in an error message
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class Row:
         try:
             value = float(text)
         except ValueError:
-            raise ValueError(f"{self.where}: {column} must be a number, got {text!r}") from None
+            raise ValueError(f"{self.where}: {column} must be a number, got {shown(text)}") from None
         if not math.isfinite(value):
-            raise ValueError(f"{self.where}: {column} must be finite, got {text!r}")
+            raise ValueError(f"{self.where}: {column} must be finite, got {shown(text)}")
         return value
 
     def name(self, column: str) -> str:
@@ -49,6 +49,11 @@ class Row:
             return printable_name(self.field[column], column)
         except ValueError as error:
             raise ValueError(f"{self.where}: {error}") from None
+
+
+def shown(text: str) -> str:
+    """A field as an error message shows it: quoted, on one line, and not all of a long one."""
+    return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."
 
 
 def printable_name(text: str, column: str) -> str:
@@ -61,7 +66,7 @@ def printable_name(text: str, column: str) -> str:
     if not name:
         raise ValueError(f"{column} must not be empty")
     if not name.isprintable():
-        raise ValueError(f"{column} must be printable text in UTF-8, got {name!r:.{_SHOWN}}")
+        raise ValueError(f"{column} must be printable text in UTF-8, got {shown(name)}")
     return name
 
 
@@ -71,67 +76,62 @@ class CsvTable:
     def __init__(self, path: Path, lines: Iterator[str]) -> None:
         self.path = path
         self._reader = csv.reader(lines, strict=True)
-        self.columns: tuple[str, ...] = ()
+        self.columns: tuple[str, ...] = ()  # none: an empty file
         for fields in self._guarded():
             if fields:
                 self.columns = tuple(name.strip() for name in fields)
-                return
-        raise ValueError(f"{path} is empty; its first line must name the columns")
+                break
 
     def place(self, columns: Sequence[str]) -> list[int]:
         """Where these columns stand. Raises ValueError that lists the columns needed and those found."""
-        missing = [name for name in columns if name not in self.columns]
-        if missing:
+        if not set(columns) <= set(self.columns):
             raise ValueError(f"{self.path}: line 1 must name the columns {','.join(columns)}, got {self.header}")
-        twice = [name for name in columns if self.columns.count(name) > 1]
-        if twice:
-            raise ValueError(f"{self.path}: line 1 names {twice[0]} twice; remove one")
+        for name in columns:
+            if self.columns.count(name) > 1:
+                raise ValueError(f"{self.path}: line 1 names {name} twice; remove one of these columns")
         return [self.columns.index(name) for name in columns]
 
     @property
     def header(self) -> str:
         """The first line, as an error message shows it."""
-        text = ",".join(self.columns)
-        return text[:_SHOWN] if text.isprintable() else f"{text!r:.{_SHOWN}}"
+        text = ",".join(self.columns) or "nothing"
+        return text if text.isprintable() and len(text) <= _SHOWN else shown(text)
 
     def rows(self, columns: Sequence[str]) -> Iterator[Row]:
         """Row by row, these columns of it."""
         places = self.place(columns)
-        for block, first_line in self.blocks(1 << 12):
-            line = first_line
-            for fields in block:
-                line += line_breaks(fields)
+        for block, lines in self.blocks(1 << 12):
+            for fields, line in zip(block, lines, strict=True):
                 yield Row({name: fields[at] for name, at in zip(columns, places, strict=True)}, f"{self.path}: line {line}")
-                line += 1
 
-    def blocks(self, size: int) -> Iterator[tuple[list[list[str]], int]]:
-        """Up to ``size`` rows at a time, each with as many fields as the first line, and the line of the first row.
+    def blocks(self, size: int) -> Iterator[tuple[list[list[str]], Sequence[int]]]:
+        """Up to ``size`` rows at a time, each with as many fields as there are columns, and the line on which each ends.
 
         Raises:
             ValueError: for a row with another number of fields, or what is no csv text or a damaged gzip file.
         """
-        width = len(self.columns)
         rows = self._guarded()
         while True:
-            line = self._reader.line_num + 1
+            begin = self._reader.line_num + 1
             block = list(itertools.islice(rows, size))
             if not block:
                 return
-            if set(map(len, block)) == {width}:
-                yield block, line
-            else:
-                yield from self._even_out(block, line, width)
+            lines: Sequence[int] = range(begin, begin + len(block))
+            if self._reader.line_num >= begin + len(block):  # line ends inside of quotes
+                lines = list(itertools.accumulate((1 + _line_ends(fields) for fields in block), initial=begin - 1))[1:]
+            if set(map(len, block)) != {len(self.columns)}:
+                block, lines = self._even_out(block, lines)
+            yield block, lines
 
-    def _even_out(self, block: list[list[str]], line: int, width: int) -> Iterator[tuple[list[list[str]], int]]:
-        """The rows of a block one by one, without blank lines and without empty fields past the last column."""
-        for fields in block:
-            line += line_breaks(fields)
-            if fields:
-                if len(fields) < width or any(fields[width:]):
-                    where = f"{self.path}: line {line}"
-                    raise ValueError(f"{where}: expected {width} fields as in line 1, got {len(fields)}")
-                yield [fields[:width]], line - line_breaks(fields)
-            line += 1
+    def _even_out(self, block: list[list[str]], lines: Sequence[int]) -> tuple[list[list[str]], Sequence[int]]:
+        """A block without blank lines, and without empty fields past the last column."""
+        width = len(self.columns)
+        kept = [index for index, fields in enumerate(block) if fields]
+        for index in kept:
+            got = len(block[index])
+            if got < width or any(block[index][width:]):
+                raise ValueError(f"{self.path}: line {lines[index]}: expected {width} fields as in line 1, got {got}")
+        return [block[index][:width] for index in kept], [lines[index] for index in kept]
 
     def _guarded(self) -> Iterator[list[str]]:
         """Rows as the csv module gives them, its troubles and those of the file below as one kind of error."""
@@ -144,24 +144,23 @@ class CsvTable:
             raise ValueError(f"{self.path}: damaged gzip file after line {line} ({error}); copy it again") from None
 
 
-def line_breaks(fields: Sequence[str]) -> int:
-    """How many line ends stand inside (quoted) fields: by so much a row ends below the line it began on."""
-    return sum(len(_LINE_END.findall(text)) for text in fields if "\n" in text or "\r" in text)
+def _line_ends(fields: Sequence[str]) -> int:
+    return sum(len(_LINE_END.findall(text)) for text in fields)
 
 
 @contextmanager
-def open_csv(path: str | Path, asked: str = "a csv file") -> Iterator[CsvTable]:
+def open_csv(path: str | Path, kind: str, columns: Sequence[str]) -> Iterator[CsvTable]:
     """Open a csv file, plain or gzip.
 
     Args:
-        asked: what the caller wants, for the message where there is none.
+        kind: what it is (track) and the columns it should have, for the message where there is none.
     Raises:
         FileNotFoundError: where there is no such file.
-        ValueError: if it is empty, or no csv text.
+        ValueError: if it is no csv text.
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"no file {path}; give {asked}")
+        raise FileNotFoundError(f"no {kind} file {path}; give a csv with columns {','.join(columns)}")
     with path.open("rb") as file:
         packed = file.read(2) == _GZIP
         file.seek(0)

@@ -5,7 +5,6 @@ A file is a csv with columns ``t_unix_s,x,y`` (seconds, metres in any plane coor
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import TRACK, uniform_pair
+from tagtrack.envs.sim.csv_table import Row, open_csv
 
 COLUMNS = ("t_unix_s", "x", "y")
 LONGEST_GAP = 120.0  # s: interpolating across more would invent a track
@@ -35,41 +35,24 @@ def read_track(path: str | Path) -> Track:
             more than ``LONGEST_GAP``; the message names file and line.
         FileNotFoundError: where there is no such file.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no track file {path}; give a csv with columns {','.join(COLUMNS)}")
     rows: list[tuple[float, float, float]] = []
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            if not set(COLUMNS) <= set(reader.fieldnames or ()):
-                raise ValueError(f"{path}: line 1 must name the columns {','.join(COLUMNS)}, got {reader.fieldnames}")
-            for line in reader:
-                rows.append(_read_row(line, rows[-1] if rows else None, f"{path}: line {reader.line_num}"))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: not a csv text file ({error})") from None
+    with open_csv(path, "track", COLUMNS) as table:
+        for row in table.rows(COLUMNS):
+            rows.append(_read_row(row, rows[-1] if rows else None))
     if len(rows) < 2:
         raise ValueError(f"{path}: a track needs at least two rows, got {len(rows)}")
-    table = np.array(rows)
-    return Track(time=table[:, 0], position=table[:, 1:])
+    fixes = np.array(rows)
+    return Track(time=fixes[:, 0], position=fixes[:, 1:])
 
 
-def _read_row(line: dict[str, str], before: tuple[float, float, float] | None, where: str) -> tuple[float, float, float]:
-    values = []
-    for column in COLUMNS:
-        try:
-            value = float(line[column])
-        except (TypeError, ValueError):
-            raise ValueError(f"{where}: {column} must be a number, got {line[column]!r}") from None
-        if not math.isfinite(value):
-            raise ValueError(f"{where}: {column} must be finite, got {line[column]!r}")
-        values.append(value)
-    if before is not None and values[0] <= before[0]:
-        raise ValueError(f"{where}: times must rise, got {values[0]:.3f} after {before[0]:.3f}; sort the file")
-    if before is not None and values[0] - before[0] > LONGEST_GAP:
-        gap = values[0] - before[0]
-        raise ValueError(f"{where}: a gap of {gap:.0f} s (at most {LONGEST_GAP:.0f} s); split the file there")
-    return values[0], values[1], values[2]
+def _read_row(row: Row, before: tuple[float, float, float] | None) -> tuple[float, float, float]:
+    time, x, y = (row.number(column) for column in COLUMNS)
+    if before is not None and time <= before[0]:
+        raise ValueError(f"{row.where}: times must rise, got {time:.3f} after {before[0]:.3f}; sort the file")
+    if before is not None and time - before[0] > LONGEST_GAP:
+        gap = time - before[0]
+        raise ValueError(f"{row.where}: a gap of {gap:.0f} s (at most {LONGEST_GAP:.0f} s); split the file there")
+    return time, x, y
 
 
 def resample_track(track: Track, time_step: float, time_scale: float, episode_steps: int) -> np.ndarray:

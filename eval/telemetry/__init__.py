@@ -1,5 +1,5 @@
 """Files of acoustic telemetry, as people have them, to arrays and back: detections."""
 
-from tagtrack.eval.telemetry.detections import read_detections
+from tagtrack.eval.telemetry.detections import Reading, read_detections, read_telemetry, write_detections
 
-__all__ = ["read_detections"]
+__all__ = ["Reading", "read_detections", "read_telemetry", "write_detections"]

@@ -1,119 +1,150 @@
-"""Detections from csv files of several kinds, read in blocks: a campaign of 10^7 rows needs little more than its arrays."""
+"""Detections from files of several kinds, in order and each once; and back to a csv.
+
+Files are read in blocks, so that a campaign of 10^7 rows needs some three times its arrays (16 bytes a row).
+"""
 
 from __future__ import annotations
 
+import csv
+import gzip
+import io
+import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tagtrack.baselines.static_array.detections import Codes, Detections, Floats
-from tagtrack.envs.sim.csv_table import CsvTable, line_breaks, open_csv, printable_name
+from tagtrack.baselines.static_array.detections import Codes, Detections
+from tagtrack.eval.telemetry.layouts import OWN, Block, Names, read_blocks
+from tagtrack.policies.files import replace_file
 
-COLUMNS = ("t_unix_s", "receiver", "tag")
-LATEST = 1e11  # s since 1970: times beyond it (the year 5138) are in another unit
-_BLOCK = 1 << 18  # rows
-
-Block = tuple[Floats, Codes, Codes]
+_BLOCK = 1 << 16  # rows written at a time
 
 
-class Names(dict[str, int]):
-    """Numbers names in the order they are first met; a field seen before costs one look-up."""
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What files held: the detections, and what a person should know of them."""
 
-    def __init__(self, column: str) -> None:
-        self.column = column
-        self.names: dict[str, int] = {}
+    detections: Detections
+    rows: int
+    duplicates: int  # rows dropped: same time, receiver and tag as another
+    layouts: tuple[str, ...]  # csv, VUE, GLATOS, RESNEP: the kinds of files met
 
-    def __missing__(self, text: str) -> int:
-        name = printable_name(text, self.column)
-        self[text] = code = self.names.setdefault(name, len(self.names))
-        return code
-
-    def codes(self, texts: Sequence[str]) -> Codes:
-        return np.fromiter(map(self.__getitem__, texts), np.int32, len(texts))
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences for the user; none where all is as it should be."""
+        remarks = []
+        if self.duplicates:
+            remarks.append(f"{self.duplicates} of {self.rows} rows repeat another (time, receiver, tag) and were dropped")
+        time = self.detections.time
+        if (time == np.floor(time)).all():
+            remarks.append("all times are whole seconds: sound travels 1.5 km in one, too far to localize anything")
+        return remarks
 
 
 def read_detections(paths: Sequence[Path]) -> Detections:
-    """Detections of all the files, in order of time and then of receiver and tag; each of them once.
+    """Detections as ``read_telemetry`` reads them; its remarks become warnings."""
+    reading = read_telemetry(paths)
+    for remark in reading.remarks:
+        warnings.warn(remark, stacklevel=2)
+    return reading.detections
 
-    Receivers and tags are in alphabetical order, so that the result does not depend on the order of files and rows.
 
+def read_telemetry(paths: Sequence[Path]) -> Reading:
+    """All detections of these files, in order of time, then of receiver and tag; each once, whatever the order of the rows.
+
+    Receivers and tags are listed in alphabetical order. Names stand as in the files: a VUE export says ``VR2W-128344``, so
+    must a table of receivers.
+
+    Args:
+        paths: csv files, plain or gzip, with columns ``t_unix_s,receiver,tag`` (seconds since 1970) among any others, or as
+            exported by VEMCO VUE or GLATOS; or folders in the form of the RESNEP campaign: ``..._BS1/detections_BS1_TAG.txt``.
     Raises:
-        ValueError: for a file that holds no detections, or a row that is none; names file and line.
+        ValueError: for a file that is none of these or holds no detection, and for a row without a finite time from 1970
+            on, a receiver and a tag; names file and line.
         FileNotFoundError: where there is no such file.
     """
+    if not paths:
+        raise ValueError("give at least one file of detections")
     receivers, tags = Names("receiver"), Names("tag")
-    blocks = [block for path in paths for block in _read_csv(Path(path), receivers, tags)]
-    return _in_order(blocks, receivers, tags)
-
-
-def _read_csv(path: Path, receivers: Names, tags: Names) -> Iterator[Block]:
-    with open_csv(path, f"a csv with columns {','.join(COLUMNS)}") as table:
-        places = table.place(COLUMNS)
-        empty = True
-        for rows, line in table.blocks(_BLOCK):
-            empty = False
-            try:
-                block = _convert(rows, places, receivers, tags)
-            except ValueError:
-                _name_bad_row(table, rows, line, places, receivers, tags)
-                raise
-            yield block
-        if empty:
-            raise ValueError(f"{path} holds no detections; give one row for each")
-
-
-def _convert(rows: list[list[str]], places: Sequence[int], receivers: Names, tags: Names) -> Block:
-    time, receiver, tag = ([row[at] for row in rows] for at in places)
-    return seconds(time), receivers.codes(receiver), tags.codes(tag)
-
-
-def _name_bad_row(
-    table: CsvTable, rows: list[list[str]], line: int, places: Sequence[int], receivers: Names, tags: Names
-) -> None:
-    for row in rows:
-        line += line_breaks(row)
-        try:
-            _convert([row], places, receivers, tags)
-        except ValueError as error:
-            raise ValueError(f"{table.path}: line {line}: {error}") from None
-        line += 1
-
-
-def seconds(texts: Sequence[str]) -> Floats:
-    """Times in seconds since 1970 from their text; the error speaks of the first one: it is meant for a single row."""
-    try:
-        time = np.fromiter(map(float, texts), np.float64, len(texts))
-    except ValueError:
-        raise ValueError(f"t_unix_s must be a number of seconds since 1970, got {texts[0]!r}") from None
-    if not ((time >= 0) & (time < LATEST)).all():
-        raise ValueError(f"t_unix_s must be seconds since 1970 from 0 to {LATEST:.0e}, got {texts[0]!r}")
-    return time
+    blocks: list[Block] = []
+    layouts: dict[str, None] = {}
+    for path in paths:
+        for layout, block in read_blocks(Path(path), receivers, tags):
+            layouts[layout.name] = None
+            blocks.append(block)
+    detections = _in_order(blocks, receivers, tags)
+    rows = len(detections.time)
+    detections = _each_once(detections)
+    return Reading(
+        detections=detections, rows=rows, duplicates=rows - len(detections.time), layouts=tuple(layouts)
+    )
 
 
 def _in_order(blocks: list[Block], receivers: Names, tags: Names) -> Detections:
-    columns = [list(column) for column in zip(*blocks, strict=True)] if blocks else [[], [], []]
+    """Blocks as one, sorted. ``blocks`` is emptied on the way, column by column, to hold no row twice for long."""
+    times, heard_by, sent_by = (list(column) for column in zip(*blocks, strict=True))
     blocks.clear()
-    time = _joined(columns[0], np.float64)
-    receiver = _alphabetical(receivers)[_joined(columns[1], np.int32)]
-    tag = _alphabetical(tags)[_joined(columns[2], np.int32)]
-    order = np.lexsort((tag, receiver, time))
-    time, receiver, tag = time[order], receiver[order], tag[order]
-    kept = np.ones(len(time), dtype=bool)
-    kept[1:] = (np.diff(time) != 0) | (np.diff(receiver) != 0) | (np.diff(tag) != 0)
+    time = _concatenated(times)
+    receiver = _concatenated(heard_by, _alphabetical(receivers))
+    tag = _concatenated(sent_by, _alphabetical(tags))
+    if not (time[1:] > time[:-1]).all():
+        order = np.lexsort((tag, receiver, time))
+        time = time[order]
+        receiver = receiver[order]
+        tag = tag[order]
     return Detections(
         time=time, receiver=receiver, tag=tag, receivers=tuple(sorted(receivers.names)), tags=tuple(sorted(tags.names))
-    ).take(kept)
+    )
 
 
-def _joined(parts: list[NDArray], dtype: type) -> NDArray:
-    """Parts in one array; they are let go."""
-    joined = np.concatenate(parts) if parts else np.empty(0, dtype)
+def _concatenated(parts: list[NDArray], places: Codes | None = None) -> NDArray:
+    """Parts as one array, numbers changed to their ``places``; the parts are let go."""
+    whole = np.concatenate(parts if places is None else [places[part] for part in parts])
     parts.clear()
-    return joined
+    return whole
 
 
 def _alphabetical(names: Names) -> Codes:
     """(N,): where each name stands among all in alphabetical order."""
-    return np.argsort(np.argsort(np.array(list(names.names), dtype=str))).astype(np.int32)
+    place = {name: index for index, name in enumerate(sorted(names.names))}
+    return np.array([place[name] for name in names.names], dtype=np.int32)
+
+
+def _each_once(detections: Detections) -> Detections:
+    """Without those that repeat the one before."""
+    new = np.ones(len(detections.time), dtype=bool)
+    new[1:] = detections.time[1:] != detections.time[:-1]
+    new[1:] |= detections.receiver[1:] != detections.receiver[:-1]
+    new[1:] |= detections.tag[1:] != detections.tag[:-1]
+    return detections if new.all() else detections.take(new)
+
+
+def write_detections(path: str | Path, detections: Detections) -> None:
+    """Write a csv as ``read_detections`` takes it, gzip if the name ends in ``.gz``; times to the last bit.
+
+    Raises:
+        OSError: if it cannot be written; an old file then stays.
+    """
+    receivers, tags = np.array(detections.receivers, dtype=object), np.array(detections.tags, dtype=object)
+    with replace_csv(path) as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(OWN.columns)
+        for begin in range(0, len(detections.time), _BLOCK):
+            part = slice(begin, begin + _BLOCK)
+            names = receivers[detections.receiver[part]], tags[detections.tag[part]]
+            writer.writerows(zip(detections.time[part].tolist(), *names, strict=True))
+
+
+@contextmanager
+def replace_csv(path: str | Path) -> Iterator[TextIO]:
+    """A text file to write, gzip if its name ends in ``.gz``; it takes the place of ``path`` when the block is done."""
+    with replace_file(path) as partial, partial.open("wb") as raw:
+        # No name and no time in the gzip head: equal data make equal files.
+        packed = gzip.GzipFile(filename="", fileobj=raw, mode="wb", mtime=0) if partial.suffix == ".gz" else None
+        with io.TextIOWrapper(packed or raw, encoding="utf-8", newline="") as file:
+            yield file
