@@ -95,8 +95,9 @@ Settings = PPOSettings | SACSettings
 
 # Where an environment wants other values than an algorithm's own.
 # To pursue is the worst there is where only the edge tells; long episodes, of which few are lost, want large batches.
-AREA_ONLY = PPOSettings(steps=3_000_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0)
+AREA_ONLY = PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0)
 SETTINGS: dict[tuple[str, str], Settings] = {
+    ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
     ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=4_000_000, gamma=0.98),
     ("TagTrack/AreaOnly-v0", "ppo"): AREA_ONLY,
     ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): AREA_ONLY,

@@ -25,7 +25,7 @@ def estimate_sigma(pings: Pings, receivers: ArrayLike, setting: ArraySetting, in
             ``information`` the result is by how much that is out, times ``setting.sigma``.
     """
     likelihood = make_likelihood(pings, receivers, setting, information)
-    spare = likelihood.known_differences() - likelihood.dimensions
+    spare = likelihood.known_differences - likelihood.dimensions
     rows = np.flatnonzero(spare > 0)
     if rows.size < LEAST_PINGS:
         return None

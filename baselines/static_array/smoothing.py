@@ -155,16 +155,21 @@ def _begin(position: Floats, covariance: Floats, speed: Floats) -> tuple[Floats,
 
 def _transitions(speed: Floats, memory: Floats, step: Floats) -> tuple[Floats, Floats]:
     """Phi and Q (G, 4, 4) of G walks over a step (G,) [s] of each."""
-    left = np.exp(-step / memory)
+    share = step / memory
+    left, lost = np.exp(-share), -np.expm1(-share)
     variance = speed**2
+    # 2 s - 2 l - l^2 of share and lost, whose first two orders cancel.
+    wander = np.where(
+        share < 1e-3, share**3 * (2 / 3 - share / 2 + 7 / 30 * share**2), 2.0 * share - 2.0 * lost - lost**2
+    )
     matrix = np.zeros((speed.size, 4, 4))
     noise = np.zeros((speed.size, 4, 4))
     for x in (0, 2):
         v = x + 1
         matrix[:, x, x] = 1.0
-        matrix[:, x, v] = memory * (1.0 - left)
+        matrix[:, x, v] = memory * lost
         matrix[:, v, v] = left
-        noise[:, x, x] = variance * memory * (2.0 * step - memory * (3.0 - 4.0 * left + left**2))
-        noise[:, x, v] = noise[:, v, x] = variance * memory * (1.0 - left) ** 2
-        noise[:, v, v] = variance * (1.0 - left**2)
+        noise[:, x, x] = variance * memory**2 * wander
+        noise[:, x, v] = noise[:, v, x] = variance * memory * lost**2
+        noise[:, v, v] = variance * lost * (1.0 + left)
     return matrix, noise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -85,11 +85,11 @@ class LocateOptions:
         detections = read_detections(self.detections)
         common = [name for name in detections.receivers if name in places.names]
         if not common:
-            raise ValueError(
-                f"no receiver of {self.receivers} ({shorten(places.names)}) is in the detections ({shorten(detections.receivers)})"
-            )
+            there = shorten(detections.receivers)
+            raise ValueError(f"no receiver of {self.receivers} ({shorten(places.names)}) is in the detections ({there})")
         if len(common) < 3:
-            raise ValueError(f"a position takes three receivers; of {self.receivers} only {shorten(tuple(common))} heard anything")
+            heard = shorten(tuple(common))
+            raise ValueError(f"a position takes three receivers; of {self.receivers} only {heard} heard anything")
         missing = [tag for tag in self.tags if tag not in detections.tags]
         if missing:
             raise ValueError(f"no detection of tag {missing[0]!r}; there are {shorten(detections.tags)}")
@@ -155,7 +155,3 @@ def _certain(positions: Positions, max_sd: float) -> Positions:
         position=np.where(certain[:, None], positions.position, np.nan),
         covariance=np.where(certain[:, None, None], positions.covariance, np.nan),
     )
-
-
-def all_tags(located: Sequence[Located]) -> tuple[str, ...]:
-    return tuple(each.tag for each in located)

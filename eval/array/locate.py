@@ -1,0 +1,140 @@
+"""`python -m eval array locate`: where tags were at each ping, or over each hundred of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import rich
+import tyro
+
+from tagtrack.eval.array.locating import Located, LocateOptions
+from tagtrack.eval.array.maps import Cloud, plot_map
+from tagtrack.eval.plots import save_figure
+from tagtrack.eval.progress import item_bar
+from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.results_folder import replace_results, require_replaceable
+from tagtrack.eval.telemetry import Reference, read_reference
+from tagtrack.eval.versions import collect_versions
+
+OWN_FILES = ("positions.csv", "summary.json", "map.png")
+COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Locate:
+    """Locate tags from what moored receivers heard of them.
+
+    Writes positions.csv (one row for each ping, or for each AVERAGE of them), summary.json and map.png. Clocks must agree: see
+    `array sync`. Times that were rounded (to 10 ms in some exports) want --average 30 to 100.
+    """
+
+    options: LocateOptions
+    average: int = 1
+    """Pings of a tag that make one position."""
+    reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
+    """Where tags really were: csv with columns tag,x,y (at rest) or t_unix_s,x,y (a track, interpolated)."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = field(default=Path("runs/array-locate"))
+    """Folder to write; an earlier result is replaced."""
+
+    def run(self) -> None:
+        """Run it."""
+        self.options.check()
+        if self.average < 1:
+            raise ValueError(f"--average must be at least 1, got {self.average}")
+        require_replaceable(self.out, OWN_FILES, "localization")
+        reference = read_reference(self.reference) if self.reference is not None else None
+        detections, places = self.options.read()
+        tags = self.options.tags or detections.tags
+        located = []
+        with item_bar(len(tags), "tags") as advance:
+            for each in self.options.locate(detections, places, self.average):
+                located.append(each)
+                advance(each.tag)
+        document = {
+            "tags": {each.tag: summarize_tag(each, reference) for each in located},
+            "method": self.options.method,
+            "sound_speed_m_s": self.options.sound_speed,
+            "average": self.average,
+            "min_receivers": self.options.min_receivers,
+            "max_sd_m": self.options.max_sd,
+            "detections": [str(path) for path in self.options.detections],
+            "receivers": str(self.options.receivers),
+            "reference": str(self.reference) if self.reference is not None else None,
+            "versions": collect_versions(),
+        }
+        print_summary(document)
+        with replace_results(self.out, OWN_FILES) as folder:
+            (folder / "positions.csv").write_text("\n".join([COLUMNS, *position_rows(located), ""]), encoding="utf-8")
+            write_json(folder / "summary.json", document)
+            clouds = [Cloud(name=each.tag, position=each.positions.position[each.known]) for each in located]
+            truth = reference_places(located, reference)
+            save_figure(folder / "map.png", plot_map(clouds, places.position, places.names, truth=truth))
+        print(f"written: {self.out}")
+
+
+def summarize_tag(located: Located, reference: Reference | None) -> dict[str, Any]:
+    """What summary.json tells of a tag; null where nothing was located or there is no reference."""
+    known = located.known
+    position, count = located.positions.position[known], located.count[known]
+    figures: dict[str, Any] = {"heard": located.heard, "located": int(count.sum()), "rows": int(known.sum())}
+    error = np.empty(0)
+    if reference is not None and known.any():
+        truth = reference.at(located.tag, located.pings.time[known])
+        error = np.linalg.norm(position - truth, axis=1)
+        error = error[np.isfinite(error)]
+    figures["median_m"], figures["p95_m"] = (float(np.quantile(error, q)) if error.size else None for q in (0.5, 0.95))
+    figures["rmse_m"] = float(np.sqrt(np.mean(error**2))) if error.size else None
+    mean = np.average(position, axis=0, weights=count) if known.any() else (None, None)
+    figures["mean_x"], figures["mean_y"] = (None if value is None else float(value) for value in mean)
+    return {**figures, "sigma_s": located.sigma, "arrivals_removed": located.removed}
+
+
+def position_rows(located: Sequence[Located]) -> list[str]:
+    """Lines of positions.csv, tag by tag in order of time."""
+    lines = []
+    for each in located:
+        heard = each.pings.heard.sum(axis=1)
+        sd = each.sd
+        for k in np.flatnonzero(each.known):
+            (x, y), (sd_x, sd_y) = each.positions.position[k], sd[k]
+            lines.append(
+                f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
+            )
+    return lines
+
+
+def reference_places(located: Sequence[Located], reference: Reference | None) -> np.ndarray | None:
+    """What to mark on the map as true: the places of tags at rest (T, 2), or a track (K, 2)."""
+    if reference is None:
+        return None
+    times = np.sort(np.concatenate([each.pings.time[each.known] for each in located]))
+    if times.size == 0:
+        return None
+    spots = [reference.at(each.tag, each.pings.time[each.known]) for each in located if each.known.any()]
+    return np.concatenate([spot for spot in spots if np.isfinite(spot).any()] or [np.empty((0, 2))])
+
+
+def print_summary(document: dict[str, Any]) -> None:
+    """A row for each tag."""
+
+    def shown(value: float | None, digits: int = 2) -> str:
+        return "-" if value is None else f"{value:.{digits}f}"
+
+    header = ["tag", "heard", "located", "median [m]", "95 % [m]", "rmse [m]", "mean x [m]", "mean y [m]", "sigma [ms]"]
+    rows = [
+        [
+            tag,
+            str(figures["heard"]),
+            str(figures["located"]),
+            *(shown(figures[name]) for name in ("median_m", "p95_m", "rmse_m", "mean_x", "mean_y")),
+            shown(1e3 * figures["sigma_s"]),
+        ]
+        for tag, figures in document["tags"].items()
+    ]
+    note = f"{document['method']}, {document['sound_speed_m_s']:g} m/s"
+    note += f", {document['average']} pings to a position" if document["average"] > 1 else ""
+    rich.print(as_console_table(header, rows, note))
