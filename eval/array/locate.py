@@ -71,7 +71,7 @@ class Locate:
             (folder / "positions.csv").write_text("\n".join([COLUMNS, *position_rows(located), ""]), encoding="utf-8")
             write_json(folder / "summary.json", document)
             clouds = [Cloud(name=each.tag, position=each.positions.position[each.known]) for each in located]
-            truth = reference_places(located, reference)
+            truth = np.concatenate([true_places(each, reference) for each in located])
             save_figure(folder / "map.png", plot_map(clouds, places.position, places.names, truth=truth))
         print(f"written: {self.out}")
 
@@ -81,11 +81,8 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     known = located.known
     position, count = located.positions.position[known], located.count[known]
     figures: dict[str, Any] = {"heard": located.heard, "located": int(count.sum()), "rows": int(known.sum())}
-    error = np.empty(0)
-    if reference is not None and known.any():
-        truth = reference.at(located.tag, located.pings.time[known])
-        error = np.linalg.norm(position - truth, axis=1)
-        error = error[np.isfinite(error)]
+    error = np.linalg.norm(position - true_places(located, reference), axis=1)
+    error = error[np.isfinite(error)]
     figures["median_m"], figures["p95_m"] = (float(np.quantile(error, q)) if error.size else None for q in (0.5, 0.95))
     figures["rmse_m"] = float(np.sqrt(np.mean(error**2))) if error.size else None
     mean = np.average(position, axis=0, weights=count) if known.any() else (None, None)
@@ -107,15 +104,12 @@ def position_rows(located: Sequence[Located]) -> list[str]:
     return lines
 
 
-def reference_places(located: Sequence[Located], reference: Reference | None) -> np.ndarray | None:
-    """What to mark on the map as true: the places of tags at rest (T, 2), or a track (K, 2)."""
-    if reference is None:
-        return None
-    times = np.sort(np.concatenate([each.pings.time[each.known] for each in located]))
-    if times.size == 0:
-        return None
-    spots = [reference.at(each.tag, each.pings.time[each.known]) for each in located if each.known.any()]
-    return np.concatenate([spot for spot in spots if np.isfinite(spot).any()] or [np.empty((0, 2))])
+def true_places(located: Located, reference: Reference | None) -> np.ndarray:
+    """Where the tag was (K, 2) [m] at its K located rows; NaN where the reference does not say."""
+    time = located.pings.time[located.known]
+    if reference is None or (reference.track is None and located.tag not in reference.places):
+        return np.full((len(time), 2), np.nan)
+    return reference.position(located.tag, time)
 
 
 def print_summary(document: dict[str, Any]) -> None:

@@ -44,7 +44,8 @@ def plot_map(
         style = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
         label = cloud.name if len(clouds) <= MOST_NAMED else None
         axes.plot(*(cloud.position - origin).T, color=colour, alpha=0.7, label=label, **style)
-    if truth is not None and len(truth):
+    if truth is not None and np.isfinite(truth).any():
+        truth = np.unique(truth[np.isfinite(truth).all(axis=1)], axis=0)
         axes.plot(*(np.asarray(truth) - origin).T, "+", color=INK, ms=9, mew=1.4, label="reference", zorder=4)
     axes.plot(*(receivers - origin).T, "^", color=INK, ms=8, mfc="white", mew=1.6, label="receiver", zorder=5)
     for name, place in zip(names, receivers - origin, strict=True):

@@ -97,13 +97,13 @@ class Tracks:
         }
         print_animals(document)
         with replace_results(self.out, OWN_FILES) as folder:
-            tracks = [animal.track for animal in found]
+            tracks = {animal.tag: animal.track for animal in found}
             write_tracks(folder / "tracks.csv", tracks)
             if len(tracks) > 1:
-                training, held_out = split_tracks(tracks, self.held_out, self.seed)
-                write_tracks(folder / "training.csv", training)
-                write_tracks(folder / "held_out.csv", held_out)
-                document["held_out"] = [track.tag for track in held_out]
+                parts = split_tracks(list(tracks.values()), self.held_out, self.seed)
+                for name, part in zip(("training", "held_out"), parts, strict=True):
+                    document[name] = [track.tag for track in part]
+                    write_tracks(folder / f"{name}.csv", {tag: tracks[tag] for tag in document[name]})
             write_json(folder / "tracks.json", document)
             save_figure(folder / "map.png", plot_map([_cloud(animal) for animal in found], places.position, places.names))
         print(f"written: {self.out}")
