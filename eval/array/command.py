@@ -8,8 +8,14 @@ from typing import Annotated
 import tyro
 
 from tagtrack.eval.array.simulate import Simulate
+from tagtrack.eval.array.survey import Survey
+from tagtrack.eval.array.sync import Sync
 
-Step = Annotated[Simulate, tyro.conf.subcommand("simulate")]
+Step = (
+    Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Sync, tyro.conf.subcommand("sync")]
+    | Annotated[Survey, tyro.conf.subcommand("survey")]
+)
 
 
 @dataclass(frozen=True, kw_only=True)
