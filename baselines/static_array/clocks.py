@@ -52,6 +52,8 @@ class Synchronization:
     reference: str
     models: Mapping[str, ClockModel]  # by receiver, the reference among them
     excluded: Mapping[str, str]  # receivers without a clock, and why
+    receivers: tuple[str, ...]  # that the receptions' numbers mean
+    tags: tuple[str, ...]
     receptions: Receptions
     uncorrected: Floats  # (N,) raw time less what it should be on the reference's clock [s]
     straightened: Floats  # (N,) the same after step i [s]
@@ -70,7 +72,7 @@ class Synchronization:
 def synchronize(
     detections: Detections,
     sync_tags: Sequence[SyncTag],
-    places: Mapping[str, tuple[float, float]] | None = None,
+    places: Mapping[str, Floats] | None = None,
     setting: SyncSetting | None = None,
     *,
     reference: str | None = None,
@@ -80,7 +82,7 @@ def synchronize(
 
     Args:
         detections: on raw clocks; only those of ``sync_tags`` are used.
-        places: of receivers, by name [m]. Without them travel times are fitted too, which takes sync tags beside receivers.
+        places: (2,) of receivers, by name [m]. Without them travel times are fitted too, which takes sync tags beside receivers.
         reference: receiver whose clock is the time; by default the one whose clock is in the middle.
             No clock knows the true time: all that is corrected is as late or early as this one.
         progress: told a step's name and how much of it is done.
@@ -111,6 +113,8 @@ def synchronize(
         reference=coarse.reference,
         models=models,
         excluded={name: NOTHING_SHARED for name in detections.receivers if name not in models},
+        receivers=sync.receivers,
+        tags=sync.tags,
         receptions=receptions,
         uncorrected=uncorrected,
         straightened=straightened,

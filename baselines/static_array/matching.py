@@ -78,7 +78,8 @@ def match_pings(detections: Detections, window: float = DEFAULT_WINDOW, *, least
     time, receiver = detections.time[order], detections.receiver[order]
     ping = group_pings(time, window)
     arrival = np.full((ping[-1] + 1 if ping.size else 0, len(detections.receivers)), np.nan)
-    arrival[ping[::-1], receiver[::-1]] = time[::-1]  # backwards: of several arrivals the first is written last
+    first = np.unique(ping * len(detections.receivers) + receiver, return_index=True)[1]
+    arrival[ping[first], receiver[first]] = time[first]
     heard = np.isfinite(arrival).sum(axis=1)
     kept = heard >= least_receivers
     pings = Pings(time=np.nanmin(arrival[kept], axis=1), arrival=arrival[kept])

@@ -18,11 +18,11 @@ from tagtrack.baselines.static_array.model import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class SyncTag:
-    """A tag that does not move: beside a receiver, at a known place, or just anywhere."""
+    """A tag that stays in its place: beside a receiver, at a known position, both, or just anywhere."""
 
     tag: str
-    receiver: str | None = None  # that it hangs beside
-    place: tuple[float, float] | None = None  # [m]; by default its receiver's, where known
+    receiver: str | None  # that it hangs beside
+    position: Floats | None  # (2,) [m]; by default its receiver's, where known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +42,14 @@ def travel_times(
     tags: Sequence[str],
     receivers: Sequence[str],
     sync_tags: Sequence[SyncTag],
-    places: Mapping[str, tuple[float, float]],
+    places: Mapping[str, Floats],
     sound_speed: float,
 ) -> TravelTimes:
     """What is known of the times from ``tags`` to ``receivers``.
 
     Args:
         tags, receivers: names, in the order of the result; each tag among ``sync_tags``.
-        places: of receivers, by name [m]; any may be absent. sound_speed: [m/s].
+        places: (2,) of receivers, by name [m]; any may be absent. sound_speed: [m/s].
     Raises:
         ValueError: if a tag is listed twice or not at all.
     """
@@ -63,8 +63,9 @@ def travel_times(
     for row, tag in enumerate(tags):
         if tag not in listed:
             raise ValueError(f"{tag!r} is no sync tag; there are {shorten(tuple(listed))}")
-        host = listed[tag].receiver
-        place = listed[tag].place or (places.get(host) if host is not None else None)
+        host, place = listed[tag].receiver, listed[tag].position
+        if place is None and host is not None:
+            place = places.get(host)
         for column, receiver in enumerate(receivers):
             if place is not None and receiver in places:
                 known[row, column] = np.hypot(*np.subtract(place, places[receiver])) / sound_speed

@@ -11,10 +11,10 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.eval.array.locating import Located, LocateOptions
+from tagtrack.eval.array.locating import Averaging, Located, LocateOptions
 from tagtrack.eval.array.maps import Cloud, plot_map
 from tagtrack.eval.plots import save_figure
-from tagtrack.eval.progress import item_bar
+from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.telemetry import Reference, read_reference
@@ -34,7 +34,11 @@ class Locate:
 
     options: LocateOptions
     average: int = 1
-    """Pings of a tag that make one position."""
+    """Pings of a tag, heard by --min-receivers, that make one position; those heard by two in between sharpen it."""
+    average_hours: Annotated[float | None, tyro.conf.arg(metavar="H", help_behavior_hint="(none)")] = None
+    """Instead: all pings of as many hours (24: by day, UTC) make one position."""
+    systematic: float = 1e-3
+    """What averaging does not remove: errors of clocks and of places over the speed of sound, of each receiver [s]."""
     reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """Where tags really were: csv with columns tag,x,y (at rest) or t_unix_s,x,y (a track, interpolated)."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = field(default=Path("runs/array-locate"))
@@ -45,20 +49,25 @@ class Locate:
         self.options.check()
         if self.average < 1:
             raise ValueError(f"--average must be at least 1, got {self.average}")
+        if self.average_hours is not None and not (self.average_hours > 0 and self.average == 1):
+            raise ValueError(f"--average-hours must be positive and stand without --average, got {self.average_hours}")
+        if not self.systematic >= 0:
+            raise ValueError(f"--systematic must be at least 0, got {self.systematic}")
         require_replaceable(self.out, OWN_FILES, "localization")
         reference = read_reference(self.reference) if self.reference is not None else None
         detections, places = self.options.read()
         tags = self.options.tags or detections.tags
         located = []
-        with item_bar(len(tags), "tags") as advance:
-            for each in self.options.locate(detections, places, self.average):
+        with progress_bar(len(tags), "tags") as advance:
+            for each in self.options.locate(detections, places, self.averaging):
                 located.append(each)
-                advance(each.tag)
+                advance(each.tag, 1)
         document = {
             "tags": {each.tag: summarize_tag(each, reference) for each in located},
             "method": self.options.method,
             "sound_speed_m_s": self.options.sound_speed,
             "average": self.average,
+            "average_hours": self.average_hours,
             "min_receivers": self.options.min_receivers,
             "max_sd_m": self.options.max_sd,
             "detections": [str(path) for path in self.options.detections],
@@ -74,6 +83,13 @@ class Locate:
             truth = np.concatenate([true_places(each, reference) for each in located])
             save_figure(folder / "map.png", plot_map(clouds, places.position, places.names, truth=truth))
         print(f"written: {self.out}")
+
+    @property
+    def averaging(self) -> Averaging | None:
+        """What the options say; None for a position of each ping."""
+        if self.average_hours is not None:
+            return Averaging(seconds=3600 * self.average_hours, systematic=self.systematic)
+        return Averaging(count=self.average, systematic=self.systematic) if self.average > 1 else None
 
 
 def summarize_tag(located: Located, reference: Reference | None) -> dict[str, Any]:
@@ -131,4 +147,5 @@ def print_summary(document: dict[str, Any]) -> None:
     ]
     note = f"{document['method']}, {document['sound_speed_m_s']:g} m/s"
     note += f", {document['average']} pings to a position" if document["average"] > 1 else ""
+    note += f", a position each {document['average_hours']:g} h" if document["average_hours"] else ""
     rich.print(as_console_table(header, rows, note))

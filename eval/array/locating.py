@@ -9,8 +9,9 @@ from typing import Annotated
 
 import numpy as np
 import tyro
+from numpy.typing import NDArray
 
-from tagtrack.baselines.static_array.averaging import average_pings
+from tagtrack.baselines.static_array.averaging import average_pings, number_by_count, number_by_time
 from tagtrack.baselines.static_array.detections import Detections, shorten
 from tagtrack.baselines.static_array.matching import array_window, match_pings, remove_impossible
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
@@ -28,7 +29,7 @@ class Located:
     tag: str
     heard: int  # pings, by at least one receiver
     pings: Pings  # K rows with their arrivals
-    count: Floats  # (K,) pings in each row
+    count: NDArray[np.int64]  # (K,) pings in each row
     positions: Positions  # NaN where not located
     sigma: float  # of an arrival [s]
     removed: int  # arrivals that no place explains
@@ -42,6 +43,21 @@ class Located:
     def sd(self) -> Floats:
         """(K, 2) standard deviations [m] along x and y."""
         return np.sqrt(np.diagonal(self.positions.covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Averaging:
+    """Which pings make one position: a number of them, or all within a time."""
+
+    count: int = 1  # heard by as many receivers as a position takes; with others around them
+    seconds: float | None = None  # in place of a number
+    systematic: float = 1e-3  # of clocks and places of receivers, which averaging does not remove [s]
+
+    def number(self, pings: Pings, least_receivers: int) -> NDArray[np.int64]:
+        """Block (K,) of each ping."""
+        if self.seconds is not None:
+            return number_by_time(pings, self.seconds)
+        return number_by_count(pings, self.count, least_receivers)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,25 +111,26 @@ class LocateOptions:
             raise ValueError(f"no detection of tag {missing[0]!r}; there are {shorten(detections.tags)}")
         return _by_place(detections, places), places
 
-    def locate(self, detections: Detections, places: ReceiverPlaces, average: int = 1) -> Iterator[Located]:
-        """Each tag in turn; ``average`` pings to a row."""
+    def locate(self, detections: Detections, places: ReceiverPlaces, averaging: Averaging | None = None) -> Iterator[Located]:
+        """Each tag in turn."""
         for tag in self.tags or detections.tags:
-            yield self.locate_tag(detections.of_tag(tag), tag, places.position, average)
+            yield self.locate_tag(detections.of_tag(tag), tag, places.position, averaging)
 
-    def locate_tag(self, detections: Detections, tag: str, receivers: Floats, average: int) -> Located:
+    def locate_tag(self, detections: Detections, tag: str, receivers: Floats, averaging: Averaging | None) -> Located:
         """Match, clean, average and locate the pings of one tag."""
         window = array_window(receivers, self.sound_speed)
         matched = match_pings(detections, window)
         heard = len(matched.pings.time)
         cleaned = remove_impossible(matched, receivers, self.sound_speed)
-        pings = cleaned.pings if average > 1 else _of_at_least(cleaned.pings, self.min_receivers)
+        pings = cleaned.pings if averaging else _of_at_least(cleaned.pings, self.min_receivers)
         setting = ArraySetting(sound_speed=self.sound_speed, sigma=self.sigma or USUAL_SIGMA)
         if self.sigma is None:
             found = estimate_sigma(pings, receivers, setting)
             setting = ArraySetting(sound_speed=self.sound_speed, sigma=found or USUAL_SIGMA)
-        information, count = None, np.ones(len(pings.time))
-        if average > 1:
-            pings, information, count = average_pings(pings, average, setting.sigma)
+        information, count = None, np.ones(len(pings.time), dtype=np.int64)
+        if averaging:
+            blocks = average_pings(pings, averaging.number(pings, self.min_receivers), setting.sigma, averaging.systematic)
+            pings, information, count = blocks.pings, blocks.information, blocks.count
         positions = locate(self.method, pings, receivers, setting, information=information)
         return Located(
             tag=tag,

@@ -17,7 +17,7 @@ from tagtrack.envs.sim.tracks import Track, split_tracks
 from tagtrack.eval.array.locating import Located, LocateOptions
 from tagtrack.eval.array.maps import Cloud, plot_map
 from tagtrack.eval.plots import save_figure
-from tagtrack.eval.progress import item_bar
+from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.telemetry import write_tracks
@@ -78,10 +78,10 @@ class Tracks:
         detections, places = self.options.read()
         tags = self.options.tags or detections.tags
         animals: list[Animal] = []
-        with item_bar(len(tags), "tags") as advance:
+        with progress_bar(len(tags), "tags") as advance:
             for located in self.options.locate(detections, places):
                 animals.append(self.follow(located))
-                advance(located.tag)
+                advance(located.tag, 1)
         found = [animal for animal in animals if animal.stretches]
         if not found:
             raise ValueError(f"no tag has a stretch of {self.least_pings} located pings; lower --least-pings")
