@@ -53,7 +53,7 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
     """
     # Folders and unknown names first: a simulation may have to be compiled.
     makers = {name: _find_maker(spec, task, env_id) for name, spec in specs.items()}
-    simulation = Simulation(task.scenario, track=task.track)
+    simulation = Simulation(task.scenario, tracks=task.tracks)
     for maker in makers.values():
         maker(simulation)
     return makers

@@ -104,7 +104,7 @@ def _run(
     kept = {name: np.empty((episodes, steps, *shape)) for name, shape in shapes.items()}
     for first in range(0, episodes, batch):
         rows = slice(first, min(first + batch, episodes))
-        simulation = Simulation(task.scenario, rows.stop - first, threads=threads, track=task.track)
+        simulation = Simulation(task.scenario, rows.stop - first, threads=threads, tracks=task.tracks)
         observation = simulation.reset(seed + first)
         policy = make_policy(simulation)
         state, starts = None, np.ones(simulation.num_worlds, bool)
