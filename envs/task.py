@@ -97,6 +97,9 @@ def build_task(
 
 def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Path, time_scale: float | None) -> Task:
     """The task of a scenario whose fish swims recorded tracks."""
+    motion = changes.get("fish", Replay())
+    if not isinstance(motion, Replay):
+        raise ValueError(f"the fish swims either the tracks of {tracks} or by a motion (fish={motion}); drop one of the two")
     if not isinstance(scenario.fish, Replay):
         scenario = replace(scenario, fish=Replay())
     if time_scale is not None:
@@ -104,9 +107,7 @@ def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Pat
             raise ValueError(f"time_scale={time_scale!r} and fish.time_scale={changes['fish.time_scale']} are one; drop one")
         changes["fish.time_scale"] = time_scale
     scenario = with_overrides(scenario, changes)
-    if not isinstance(scenario.fish, Replay):
-        motion = type(scenario.fish).__name__
-        raise ValueError(f"the fish swims either the tracks of {tracks} or by a motion ({motion}); drop one of the two")
+    assert isinstance(scenario.fish, Replay)
     found = read_tracks(tracks)
     try:
         find_stretches(found, scenario.fish, scenario.time_step, scenario.episode_steps)
