@@ -116,8 +116,12 @@ def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Pat
     return Task(scenario, found, str(tracks))
 
 
-def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
-    """Overrides from ``NAME=VALUE`` texts. Raises ValueError for a text without name or value and for a name set twice."""
+def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str, str]:
+    """Overrides from ``NAME=VALUE`` texts and, in short, the fish's ``motion`` by its name.
+
+    Raises:
+        ValueError: for a text without name or value and for a name set twice.
+    """
     overrides: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -126,6 +130,10 @@ def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
         if name in overrides:
             raise ValueError(f"{name} is set twice, to {overrides[name]} and to {value}; drop one")
         overrides[name] = value
+    if motion is not None:
+        if "fish" in overrides:
+            raise ValueError(f"the motion of the fish is set twice, to {motion} and to {overrides['fish']}; drop one")
+        overrides["fish"] = motion
     return overrides
 
 
