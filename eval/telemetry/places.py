@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 
 from tagtrack.baselines.static_array.detections import Floats, shorten
 from tagtrack.envs.sim.csv_table import Row, open_csv
-from tagtrack.envs.sim.tracks import LONGEST_GAP, Track
+from tagtrack.envs.sim.tracks import Track
 from tagtrack.eval.telemetry.tracks import read_tracks
 
 RECEIVER_COLUMNS = ("receiver", "x", "y")
 SYNC_TAG_COLUMNS = ("tag", "receiver", "x", "y")
 REFERENCE_COLUMNS = ("tag", "x", "y")
+LONGEST_BRIDGE = 120.0  # [s] between two rows of a reference track: a boat or a vehicle does much in two minutes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +44,7 @@ class Reference:
     track: Track | None = None
 
     def position(self, tag: str, time: ArrayLike) -> Floats:
-        """Places (K, 2) [m] of a tag at times (K,) [s]; NaN before and after its track and in gaps of over 120 s.
+        """Places (K, 2) [m] of a tag at times (K,) [s]; NaN before and after its track and in gaps of over two minutes.
 
         Raises:
             ValueError: for a tag without a reference, with those that have one.
@@ -56,7 +57,7 @@ class Reference:
         known = self.track.time
         after = np.searchsorted(known, times).clip(1, len(known) - 1)
         sure = (times >= known[0]) & (times <= known[-1])
-        sure &= (known[after] - known[after - 1] <= LONGEST_GAP) | (times == known[after]) | (times == known[after - 1])
+        sure &= (known[after] - known[after - 1] <= LONGEST_BRIDGE) | (times == known[after]) | (times == known[after - 1])
         places = np.stack([np.interp(times, known, axis) for axis in self.track.position.T], axis=1)
         return np.where(sure[:, None], places, np.nan)
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from tagtrack.baselines.static_array.detections import Floats
 from tagtrack.envs.sim.csv_table import open_csv
-from tagtrack.envs.sim.tracks import Track
+from tagtrack.envs.sim.tracks import Track, collect_tracks
 from tagtrack.eval.telemetry.detections import replace_csv
 from tagtrack.eval.telemetry.plane import Plane, position_columns
 
@@ -49,30 +49,21 @@ def read_tracks(path: str | Path, plane: Plane | None = None) -> Tracks:
         FileNotFoundError: where there is no such file.
     """
     path = Path(path)
-    time: dict[str, list[float]] = {}
-    place: dict[str, list[tuple[float, float]]] = {}
     with open_csv(path, "track", ("tag", "t_unix_s", "x", "y")) as table:
         axes = position_columns(table.columns)
-        tagged = "tag" in table.columns
-        for row in table.rows((*(["tag"] if tagged else []), "t_unix_s", *axes)):
-            tag = row.name("tag") if tagged else path.name.split(".")[0] or path.name
-            times = time.setdefault(tag, [])
-            now = row.number("t_unix_s")
-            if times and now <= times[-1]:
-                raise ValueError(f"{row.where}: times of a tag must rise, got {now:.3f} after {times[-1]:.3f}; sort the file")
-            times.append(now)
-            place.setdefault(tag, []).append((row.number(axes[0]), row.number(axes[1])))
-    if not time:
+        tracks = collect_tracks(table, axes)
+    if not tracks:
         raise ValueError(f"{path} holds no positions; give one row for each")
-    position = {tag: np.array(rows) for tag, rows in place.items()}
     if axes != ("x", "y"):
         try:
-            plane = plane or Plane.amid(np.concatenate(list(position.values())))
-            position = {tag: plane.to_plane(geodetic) for tag, geodetic in position.items()}
+            plane = plane or Plane.amid(np.concatenate([track.position for track in tracks]))
+            tracks = tuple(replace(track, position=plane.to_plane(track.position)) for track in tracks)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        return Tracks(of={tag: Track(np.array(time[tag]), position[tag]) for tag in time}, plane=plane)
-    return Tracks(of={tag: Track(np.array(time[tag]), position[tag]) for tag in time})
+    else:
+        plane = None
+    name = path.name.split(".")[0] or path.name
+    return Tracks(of={track.tag or name: track for track in tracks}, plane=plane)
 
 
 def write_tracks(path: str | Path, tracks: Mapping[str, Track], plane: Plane | None = None) -> None:

@@ -111,7 +111,7 @@ def test_movebank_gets_its_attributes_utc_to_the_millisecond_and_degrees_to_a_mi
         ("", ": line 1 must name the columns t_unix_s,x,y, got nothing"),
         ("tag,t_unix_s,lon\na,1,2\n", ": line 1 must name the columns tag,t_unix_s,x,y, got tag,t_unix_s,lon"),
         ("t_unix_s,x,y\n", " holds no positions; give one row for each"),
-        ("tag,t_unix_s,x,y\na,1,2,3\nb,1,2,3\na,1,2,3\n", ": line 4: times of a tag must rise, got 1.000 after 1.000"),
+        ("tag,t_unix_s,x,y\na,1,2,3\nb,1,2,3\na,1,2,3\n", ": line 4: times must rise, got 1.000 after 1.000"),
         ("tag,t_unix_s,x,y\n,1,2,3\n", ": line 2: tag must not be empty"),
         ("t_unix_s,x,y\n1,nan,3\n", ": line 2: x must be finite, got 'nan'"),
         ("t_unix_s,lon,lat\n1,25.1,-91\n", ": longitude must be within +-360 and latitude within +-90 degrees, got 25.1 and -91"),
