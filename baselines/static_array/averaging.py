@@ -46,9 +46,9 @@ def average_pings(pings: Pings, count: int, setting: ArraySetting) -> tuple[Ping
     mean = np.einsum("pab,pb->pa", np.linalg.pinv(information, rcond=1e-9, hermitian=True), known)
     mean[~(np.diagonal(information, axis1=1, axis2=2) > 0)] = np.nan
     edges = np.arange(0, number, count)
-    time = pings.time[edges] + np.add.reduceat(pings.time - pings.time[edges].repeat(count)[:number], edges) / np.diff(
-        edges, append=number
-    )
+    size = np.diff(edges, append=number)
+    start = pings.time[edges]
+    time = start + np.add.reduceat(pings.time - start.repeat(size), edges) / size
     first = np.min(mean, axis=1, keepdims=True, where=np.isfinite(mean), initial=np.inf)
     return Pings(time=time, arrival=time[:, None] + mean - first), information
 

@@ -48,7 +48,7 @@ def map_marginal(
     first = np.where(np.isfinite(fixes[0]), fixes[0], likelihood.centre)
     whole = make_track(likelihood, np.diff(pings.time), setting, first)
     oldest, state = 0, np.empty((0, 2 * count))
-    prior = _Gaussian(whole.first, np.linalg.inv(whole.first_precision))  # of the oldest
+    prior = _Gaussian(whole.first, _inverse(whole.first_precision))  # of the oldest
     ahead = prior  # of the newest, before its ping
     for newest in range(len(likelihood)):
         state = np.concatenate([state, _start(ahead, fixes[newest], likelihood.take(slice(newest, newest + 1)))[None]])
@@ -73,6 +73,10 @@ class _Gaussian(NamedTuple):
     covariance: Floats  # (2n, 2n)
 
 
+def _inverse(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
 def _window(whole: Track, oldest: int, newest: int, prior: _Gaussian) -> Track:
     """The track from one ping to another, with what the older ones tell as the prior of its first state."""
     return replace(
@@ -81,7 +85,7 @@ def _window(whole: Track, oldest: int, newest: int, prior: _Gaussian) -> Track:
         transition=whole.transition[oldest:newest],
         precision=whole.precision[oldest:newest],
         first=prior.mean,
-        first_precision=np.linalg.inv(prior.covariance),
+        first_precision=_inverse(prior.covariance),
     )
 
 
@@ -100,7 +104,7 @@ def _start(ahead: _Gaussian, fix: Floats, ping: Likelihood) -> Floats:
 def _predict(whole: Track, index: int, mean: Floats, covariance: Floats) -> _Gaussian:
     """The state at the ping after ``index``, from a mean (2n,) and a covariance (2n, 2n) at that."""
     transition = whole.transition[index]
-    noise = np.linalg.inv(whole.precision[index])
+    noise = _inverse(whole.precision[index])
     return _Gaussian(transition @ mean, transition @ covariance @ transition.T + noise)
 
 
@@ -112,5 +116,5 @@ def _marginalize(part: Track, whole: Track, oldest: int, state: Floats) -> _Gaus
     precision[:count, :count] += ping.information[0]
     pull = part.first_precision @ (part.first - state)
     pull[:count] -= ping.gradient[0]
-    covariance = np.linalg.inv(precision)
+    covariance = _inverse(precision)
     return _predict(whole, oldest, state + covariance @ pull, covariance)
