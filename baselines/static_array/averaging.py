@@ -18,13 +18,14 @@ NORMAL_MAD = 1.4826  # standard deviation of a Gaussian over its median absolute
 def average_pings(pings: Pings, count: int, setting: ArraySetting) -> tuple[Pings, Floats]:
     """One synthetic ping for each block of ``count`` consecutive pings, the last block possibly shorter.
 
-    Arrivals that most of their differences call an outlier within the block are left out: those more than 4 robust standard
-    deviations, and 4 of ``setting.sigma``, from the median difference.
+    Arrivals that most of their differences call an outlier within the block are left out: differences more than 4 standard
+    deviations from their median, by the spread within the block or by ``setting.sigma``, whichever is larger.
 
     Args:
         pings: arrivals (K, R) [s].
         count: pings in a block.
-        setting: its ``sigma`` [s] is that of one arrival.
+        setting: its ``sigma`` [s] is that of one arrival. Rounding counts (tick / sqrt 12): without it the ticks beside the
+            median one are thrown out as outliers.
     Returns:
         Pings: ceil(K / count) of them, ``time`` the mean of the block, ``arrival`` NaN for a receiver that heard none of it with
         another; the first at ``time``. Information (ceil(K / count), R, R) [1/s^2]: the sum of that of the pings.
@@ -61,7 +62,7 @@ def _outlying(arrival: Floats, sigma: float) -> NDArray[np.bool_]:
         difference = arrival[..., one] - arrival[..., other]
         centre = _median(difference)
         deviation = np.abs(difference - centre)
-        spread = np.maximum(NORMAL_MAD * _median(deviation), sigma)
+        spread = np.maximum(NORMAL_MAD * _median(deviation), np.sqrt(2) * sigma)
         for receiver in (one, other):
             against[..., receiver] += deviation > OUTLYING * spread
             present[..., receiver] += np.isfinite(difference)

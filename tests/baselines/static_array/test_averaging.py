@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,9 +58,10 @@ def test_average_of_a_hundred_pings_gets_below_the_tick_of_a_coarse_clock():
     pings = several(2000, sigma=1e-3)
     offset = np.random.default_rng(1).uniform(0, 1, (2000, 1))
     coarse = Pings(time=pings.time, arrival=np.round(pings.arrival + offset, 2))
-    mean, information = average_pings(coarse, 100, SETTING)
-    found = wls_ml(mean, SQUARE, SETTING, information=information).position
-    single = wls_ml(coarse, SQUARE, SETTING).position
+    setting = replace(SETTING, sigma=0.01 / np.sqrt(12))
+    mean, information = average_pings(coarse, 100, setting)
+    found = wls_ml(mean, SQUARE, setting, information=information).position
+    single = wls_ml(coarse, SQUARE, setting).position
     assert np.sqrt(np.mean(np.sum((found - PLACE) ** 2, axis=1))) < 0.65
     assert np.sqrt(np.mean(np.sum((single - PLACE) ** 2, axis=1))) > 3.5
 

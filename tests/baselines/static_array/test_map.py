@@ -15,7 +15,7 @@ from tagtrack.baselines.static_array.maximum_likelihood import wls_ml
 from tagtrack.baselines.static_array.model import Pings
 from tests.baselines.static_array.scene import EPOCH, SETTING, SQUARE, Floats, hear, rmse
 
-# So far away that ranges are linear in the position: x = c (arrival_0 - arrival_2) / 2, with the noise of one axis c sigma / sqrt 2.
+# So far away that ranges are linear in the position: x = c (arrival_0 - arrival_2) / 2, known to c sigma / sqrt 2.
 FAR_AWAY = 1e7 * np.array([(-1.0, 0.0), (0.0, -1.0), (1.0, 0.0), (0.0, 1.0)])
 
 
@@ -137,17 +137,18 @@ def test_two_arrivals_tell_a_difference_and_silence_only_that_time_went_by(estim
     assert spread[0] < spread[1] < spread[2] < np.inf
 
 
-@pytest.mark.parametrize("estimate", [maximum_a_posteriori, map_marginal])
-def test_robust_weights_spare_the_track_the_late_arrivals_of_four_receivers(estimate):
-    """5 % of arrivals late by 30 ms on average (45 m): one ping of four receivers cannot tell which, its neighbours can."""
-    time, truth = swim(150, seed=4)
+@pytest.mark.parametrize(("estimate", "worst"), [(maximum_a_posteriori, 1.3), (map_marginal, 2.5)])
+def test_robust_weights_spare_the_track_the_late_arrivals_of_four_receivers(estimate, worst):
+    """5 % of arrivals late by 30 ms on average (45 m), after ten clean pings. One ping of four receivers cannot tell which
+    arrival is late; its neighbours can, less so where they are all in the past."""
+    time, truth = swim(80, seed=4)
     setting = replace(SETTING, acceleration_sigma=3e-3)
     pings = hear(truth, SQUARE, sigma=1e-3, time=EPOCH + time)
     clean = rmse(estimate(pings, SQUARE, setting).position, truth)
     rng = np.random.default_rng(5)
-    pings.arrival[:] += np.where(rng.random((150, 4)) < 0.05, rng.exponential(0.03, (150, 4)), 0.0)
-    assert rmse(estimate(pings, SQUARE, setting).position, truth) > 5 * clean
-    assert rmse(estimate(pings, SQUARE, setting, robust=True).position, truth) < 2 * clean
+    pings.arrival[10:] += np.where(rng.random((70, 4)) < 0.05, rng.exponential(0.03, (70, 4)), 0.0)
+    assert rmse(estimate(pings, SQUARE, setting).position, truth) > 4 * clean
+    assert rmse(estimate(pings, SQUARE, setting, robust=True).position, truth) < worst * clean
 
 
 def test_a_window_holds_at_least_one_ping():
