@@ -27,6 +27,16 @@ def test_every_method_follows_a_swimmer_about_as_well_as_the_bound_of_a_ping(met
     assert rmse(found.position, truth) < 1.3 * bound
 
 
+@pytest.mark.parametrize("method", ["wls", "ml", "wls_ml", "map", "map_m"])
+def test_positions_move_with_the_coordinates(method):
+    """UTM northings are in millions of metres; a double still resolves a nanometre of them."""
+    utm = np.array([544000.0, 4651400.0])
+    pings = hear(TRUTH[::6, :2], SQUARE, sigma=1e-3, time=TIME[::6])
+    here, there = locate(method, pings, SQUARE, SETTING), locate(method, pings, SQUARE + utm, SETTING)
+    np.testing.assert_allclose(there.position - utm, here.position, atol=1e-3)
+    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_no_pings_have_no_positions(method):
     found = locate(method, Pings(time=np.empty(0), arrival=np.empty((0, 4))), SQUARE, SETTING)
