@@ -11,7 +11,7 @@ import tyro
 
 from tagtrack.eval.comparison import Comparison, compare, typical_episodes
 from tagtrack.eval.contestants import find_makers, name_contestants
-from tagtrack.eval.options import EpisodeOptions, TaskOptions
+from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import print_table, write_benchmark, write_json
@@ -34,7 +34,7 @@ class Benchmark:
     lost where the error exceeds the scenario's lost_error.
     """
 
-    task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
+    task: ManyParticles = field(default_factory=ManyParticles)
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
@@ -60,7 +60,7 @@ class Benchmark:
                 on_step=advance,
             )
         print_table(comparison)  # before it is written: a full disk must not cost the result
-        asked = {**self.task.describe(), "policies": specs, "episodes": trial.episodes, "seed": trial.seed}
+        asked = {**self.task.describe(task), "policies": specs, "episodes": trial.episodes, "seed": trial.seed}
         with replace_results(out, OWN_FILES) as folder:
             write_benchmark(folder, comparison.document(collect_versions()))
             write_json(folder / "config.json", asked)

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 INTRODUCTION = (
     "Each cell: what the paper prints → ours. The papers did each experiment once; ours is the median of many simulated "
-    "repetitions, in brackets their middle 95 %. A star marks a printed figure outside of it, a dash stands where the paper prints none. Nothing in a paper's own "
-    "tables was tuned to match but what a note names. The tables whose names go on after a comma change one assumption at a "
-    "time; their values were chosen after a look at several, so they explain a difference and predict nothing."
+    "repetitions, in brackets their middle 95 %. A star marks a printed figure outside of it, a dash stands where none is "
+    "printed. Nothing in a paper's own tables was tuned to match but what a note names. The tables whose names go on after a "
+    "comma change one assumption at a time; their values were chosen after a look at several, so they explain a difference "
+    "and predict nothing."
 )
 
 

@@ -57,7 +57,7 @@ VARIANTS = (
 
 
 def boat_scenario(particles: int) -> Scenario:
-    """Tracking of the boat at the paper's pace of control, on both measurements, with particles that walk as Table I of [3] has it."""
+    """Tracking of the boat on both measurements, with particles that walk as in Clark et al. 2013, Alg. 2."""
     belief = replace(TIME_OF_FLIGHT.belief, motion=WALK, particles=particles)
     steps = round(ACTIVE_SECONDS / TIME_STEP)
     return replace(TIME_OF_FLIGHT, time_step=TIME_STEP, episode_steps=steps, fish=BOAT, belief=belief)

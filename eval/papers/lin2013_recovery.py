@@ -1,6 +1,6 @@
 """Lin et al. 2013, IV.C.3: the way back of a belief that was led astray, with and without lines 9 to 16 of Alg. 2.
 
-In simulation, as theirs. They say that without these lines there were "repeated cases of failure to recover", and print no figure.
+The paper says that in simulation there were "repeated cases of failure to recover" without these lines, and prints no number.
 """
 
 from __future__ import annotations
