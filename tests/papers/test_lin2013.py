@@ -10,7 +10,7 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
 from tagtrack.envs.simulation import Simulation
-from tagtrack.eval.papers.lin2013_localization import MEASUREMENTS, rows_by_distance
+from tagtrack.eval.papers.lin2013_localization import MEASUREMENTS, VARIANTS, rows_by_distance
 from tagtrack.eval.papers.lin2013_recovery import lead_astray, time_back
 from tagtrack.eval.papers.printed import LIN2013_TABLE_I
 
@@ -189,7 +189,7 @@ def test_errors_fall_into_the_bin_of_their_distance():
     """A mission that is 20 m off for a minute and 70 m for ten seconds, with errors of 1 and 9 m: too short to count."""
     distance = np.repeat([20.0, 70.0], [60, 10])[None]
     errors = {name: np.where(distance < 30.0, 1.0, 9.0)[:, None] for name in MEASUREMENTS}
-    found = {(row.row, row.column): row.ours for row in rows_by_distance(errors, distance)}
+    found = {(row.row, row.column): row.ours for row in rows_by_distance(VARIANTS[0], errors, distance)}
     assert found["Angle, 0 to 30 m", "median"] == found["Angle and Distance, 0 to 30 m", "75th percentile"] == 1.0
     assert all(np.isnan(value) for (row, _), value in found.items() if "60 m" in row or "90 m" in row)
     assert len(found) == 3 * 3 * 2
