@@ -1,4 +1,4 @@
-"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan and covariance ellipse (pygame-ce).
+"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan, range ring and covariance ellipse (pygame-ce).
 
 All that it draws it reads from a ``Simulation``; it changes nothing. Shapes are painted at twice the size and scaled
 down, which smooths their edges; text is written last. The legend beside the map is in ``legend.py``.
