@@ -43,7 +43,7 @@ FLOORS = (
     ("belief",),
     ("scenario",),
     ("observation", "overrides", "presets", "reward"),
-    ("world",),
+    ("world", "world_rule"),
     ("simulation",),
     ("legend", "task"),
     ("rendering",),
