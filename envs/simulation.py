@@ -215,7 +215,7 @@ def _track_table(scenario: Scenario, tracks: Sequence[Track] | None) -> TrackTab
     if isinstance(scenario.fish, Replay):
         if tracks is None:
             raise ValueError("a scenario with a replayed fish needs a track; give tracks=FILE")
-        return make_table(tracks, scenario.fish, scenario.time_step, scenario.episode_steps)
+        return make_table(tuple(tracks), scenario.fish, scenario.time_step, scenario.episode_steps)
     if tracks is not None:
         raise ValueError(f"a track was given, but the fish moves by {type(scenario.fish).__name__}; make it a Replay")
     return NO_TRACKS
