@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ def plot_map(
     figure, (axes,) = empty_figure(width=8.0, height=7.0)
     origin = np.round(receivers.mean(axis=0), -2)
     for cloud, colour in zip(clouds, _colours(len(clouds)), strict=True):
-        style = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
+        style: dict[str, Any] = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
         label = cloud.name if len(clouds) <= MOST_NAMED else None
         axes.plot(*(cloud.position - origin).T, color=colour, alpha=0.7, label=label, **style)
     if truth is not None and np.isfinite(truth).any():
@@ -63,7 +63,7 @@ def plot_map(
     return figure
 
 
-def _colours(count: int) -> Sequence[str | tuple[float, ...]]:
+def _colours(count: int) -> list[Any]:
     """As many as there are clouds; only the first few are told apart by colour-blind readers too."""
     from matplotlib import colormaps
 
