@@ -131,9 +131,10 @@ def fit_clocks(
         reference: the receiver whose clock is the time. degree: of the polynomials. segment: their length [s]; None for one.
     """
     splines = {}
+    by_receiver = [receptions.receiver == receiver for receiver in range(travel.known.shape[1])]
     reduced = receptions.time.copy()
     for receiver in np.unique(receptions.receiver).tolist():
-        rows = receptions.receiver == receiver
+        rows = by_receiver[receiver]
         time = receptions.time[rows]
         spline = spline_of(time, time - receptions.coarse[rows], degree, segment)
         if receiver != reference:
@@ -147,7 +148,10 @@ def fit_clocks(
     for _ in range(20):
         solution, rank, open_columns = _solve(design, reduced, receptions.ping, used)
         misfit = reduced - design @ solution
-        kept = is_regular(misfit - receptions.ping_median(misfit), SMALLEST_CUT)
+        from_median = misfit - receptions.ping_median(misfit)
+        kept = everything.copy()
+        for rows in filter(np.any, by_receiver):  # a clock that the polynomial follows badly is not to lose its points to those that it suits
+            kept[rows] = is_regular(from_median[rows], SMALLEST_CUT)
         if np.array_equal(kept, used):
             break
         used = kept
