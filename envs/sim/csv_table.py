@@ -85,7 +85,8 @@ class CsvTable:
     def place(self, columns: Sequence[str]) -> list[int]:
         """Where these columns stand. Raises ValueError that lists the columns needed and those found."""
         if not set(columns) <= set(self.columns):
-            raise ValueError(f"{self.path}: line 1 must name the columns {','.join(columns)}, got {self.header}")
+            needed = ",".join(columns)
+            raise ValueError(f"{self.path}: line 1 must name the columns {needed}, got {self.header}; rename or add them")
         for name in columns:
             if self.columns.count(name) > 1:
                 raise ValueError(f"{self.path}: line 1 names {name} twice; remove one of these columns")

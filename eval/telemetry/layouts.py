@@ -17,7 +17,7 @@ from tagtrack.baselines.static_array.detections import Codes, Floats
 from tagtrack.envs.sim.csv_table import CsvTable, open_csv, printable_name, shown
 
 LATEST = 1e11  # s since 1970: later times (year 5138) are in another unit
-_BLOCK = 1 << 18  # rows
+BLOCK = 1 << 16  # rows read at a time: some 20 MB as text
 _UTC = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d(\.\d{1,6})?", re.ASCII)
 _RESNEP_FILE = re.compile(r"detections_([^_]+)_.+\.txt")
 
@@ -38,11 +38,13 @@ def unix_seconds(texts: Sequence[str]) -> Floats:
 def utc_seconds(texts: Sequence[str]) -> Floats:
     """Seconds since 1970 of times in UTC, as the nearest float64: 2019-09-09 16:04:12.574 is 1568045052.574."""
     try:
-        if not all(map(_UTC.fullmatch, texts)):
-            raise ValueError("another form")
-        return unix_seconds((np.array(texts, dtype="datetime64[us]").astype(np.int64) / 1e6).tolist())
-    except ValueError:
-        raise ValueError(f"the time must be in UTC like 2019-09-09 16:04:11.123, got {shown(texts[0])}") from None
+        if all(map(_UTC.fullmatch, texts)):
+            time = np.array(texts, dtype="datetime64[us]").astype(np.int64) / 1e6
+            if (time >= 0).all():
+                return time
+    except ValueError:  # the 30th of February
+        pass
+    raise ValueError(f"the time must be in UTC from 1970 on, like 2019-09-09 16:04:11.123, got {shown(texts[0])}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +104,7 @@ class DetectionFile:
         Raises:
             ValueError: for a row that is no detection; names file, line and value.
         """
-        for rows, lines in self.table.blocks(_BLOCK):
+        for rows, lines in self.table.blocks(BLOCK):
             try:
                 yield self._convert(rows, receivers, tags)
             except ValueError:
@@ -147,7 +149,7 @@ def recognize(table: CsvTable) -> DetectionFile:
             return DetectionFile(table, layout, None)
     if table.columns and table.columns[0].startswith("VEMCO DATA LOG"):
         raise ValueError(f"{table.path}: a Fathom (VDAT) log; export it as a VUE csv, or as {','.join(OWN.columns)}")
-    if any(name.startswith("Date and Time") for name in table.columns):
+    if VUE.time not in table.columns and any(name.startswith("Date and Time") for name in table.columns):
         raise ValueError(f"{table.path}: line 1 must name the column {VUE.time}, got {table.header}; export times in UTC")
     raise ValueError(
         f"{table.path}: line 1 must name the columns {','.join(OWN.columns)} (or those of a VUE or GLATOS export), "
