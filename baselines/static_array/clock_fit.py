@@ -150,7 +150,7 @@ def fit_clocks(
         misfit = reduced - design @ solution
         from_median = misfit - receptions.ping_median(misfit)
         kept = everything.copy()
-        for rows in filter(np.any, by_receiver):  # a clock that the polynomial follows badly is not to lose its points to those that it suits
+        for rows in filter(np.any, by_receiver):  # each by its own: a clock that no polynomial follows keeps its points
             kept[rows] = is_regular(from_median[rows], SMALLEST_CUT)
         if np.array_equal(kept, used):
             break

@@ -12,6 +12,7 @@ import rich
 import tyro
 
 from tagtrack.baselines.static_array.detections import shorten
+from tagtrack.baselines.static_array.model import Floats
 from tagtrack.baselines.static_array.places import Places, Placing, place_freely, place_on, places_from_distances
 from tagtrack.baselines.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
 from tagtrack.eval.array.survey_plot import plot_map
@@ -51,7 +52,10 @@ class Survey:
         """Run it."""
         require_replaceable(self.out, OWN_FILES, "survey")
         own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
-        reference = None if self.reference is None else read_receivers(self.reference).by_name()
+        reference = None
+        if self.reference is not None:
+            known = read_receivers(self.reference)
+            reference = dict(zip(known.names, known.position, strict=True))
         reading = read_telemetry(self.detections)
         for remark in reading.remarks:
             print(f"note: {remark}")

@@ -64,7 +64,10 @@ class Sync:
             largest_offset=self.largest_offset,
         )
         sync_tags = read_sync_tags(self.sync_tags)
-        places = {} if self.receivers is None else read_receivers(self.receivers).by_name()
+        places = {}
+        if self.receivers is not None:
+            known = read_receivers(self.receivers)
+            places = dict(zip(known.names, known.position, strict=True))
         reading = read_telemetry(self.detections)
         for remark in reading.remarks:
             print(f"note: {remark}")

@@ -8,7 +8,7 @@ import pytest
 
 from tagtrack.baselines.static_array.clock_coarse import coarse_clocks
 from tagtrack.baselines.static_array.clock_model import ClockModel, correct
-from tagtrack.baselines.static_array.clocks import SyncSetting, Synchronization, SyncTag, synchronize
+from tagtrack.baselines.static_array.clocks import Synchronization, SyncSetting, SyncTag, synchronize
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.baselines.static_array.model import Floats
 
@@ -186,9 +186,8 @@ def test_all_that_are_tied_only_by_others_get_a_clock():
 
 @pytest.mark.parametrize("gain", [0, 3e-6])
 def test_a_clock_goes_on_by_its_tangent(gain):
-    model = ClockModel(
-        receiver="R1", reference="R0", limits=np.array([0.0, 10.0, 20.0]), coefficients=np.array([[1.0, gain, 0.1], [11.0, 2.0, 0.0]])
-    )
+    pieces = np.array([[1.0, gain, 0.1], [11.0, 2.0, 0.0]])
+    model = ClockModel(receiver="R1", reference="R0", limits=np.array([0.0, 10.0, 20.0]), coefficients=pieces)
     np.testing.assert_allclose(model.offset([-5.0, 0.0, 4.0]), [1.0 - 5 * gain, 1.0, 2.6 + 4 * gain])
     np.testing.assert_allclose(model.offset([10.0, 20.0, 25.0]), [11.0, 31.0, 41.0])
     assert model.beyond(np.array([-1.0, 0.0, 20.0, 21.0])) == 2
