@@ -62,7 +62,13 @@ class Survey:
         baselines = survey_distances(reading.detections, own_tags, self.sound_speed)
         names = survey_receivers(baselines)
         pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
-        shape = places_from_distances(pairs, [line.distance for line in baselines], [line.sd for line in baselines])
+        distances = [line.distance for line in baselines], [line.sd for line in baselines]
+        rough = None
+        if reference is not None and set(names) <= set(reference):
+            rough = np.array([reference[name] for name in names])
+        elif len(baselines) == 2 * len(names) - 3:
+            print("note: no distance to spare, so a receiver may lie on the wrong side of others; --reference tells")
+        shape = places_from_distances(pairs, *distances, rough)
         placing = choose_placing(shape, names, reference)
         places = placing.place(shape)
         document = {
