@@ -44,12 +44,10 @@ class Survey:
     sound_speed: float = 1500.0
     """Speed of sound [m/s]."""
 
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
-            raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
-
     def run(self) -> None:
         """Run it."""
+        if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
+            raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
         require_replaceable(self.out, OWN_FILES, "survey")
         own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
         reference = None

@@ -56,6 +56,8 @@ class Sync:
 
     def run(self) -> None:
         """Run it."""
+        if self.segment_days is not None and not self.segment_days > 0:
+            raise ValueError(f"--segment-days must be positive, got {self.segment_days:g}")
         require_replaceable(self.out, OWN_FILES, "synchronization")
         setting = SyncSetting(
             sound_speed=self.sound_speed,
