@@ -24,6 +24,7 @@ from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("detections.csv.gz", "clocks.json", "residuals.png")
 DAY = 86400.0
+MANY_OUTLIERS = 0.1  # of the points of a clock
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +165,9 @@ def print_sync(document: Mapping[str, Any]) -> None:
         "receptions of sync tags by one receiver alone. Extrapolated: detections outside the time in which sync tags were heard."
     )
     rich.print(as_console_table(header, rows, note))
+    for clock in document["clocks"]:
+        if clock["outliers"] > MANY_OUTLIERS * clock["points"]:
+            print(f"note: {clock['outliers']} outliers of {clock['receiver']}: a clock that jumps or bends? Try --segment-days")
     for name, reason in document["excluded"].items():
         print(f"no clock for {name}: it {reason}")
     if document["detections_left_out"]:

@@ -1,4 +1,4 @@
-"""Clocks and survey of two real arrays: 19 receivers with raw clocks (ssu1), and the moorings of Masmitja et al. 2020 (resnep)."""
+"""Clocks and survey of two real arrays: 19 receivers with raw clocks (ssu1), and the moorings of Masmitja et al. 2020."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ START, SPEED = 1.6e9, 1500.0
 
 @pytest.fixture(autouse=True)
 def deployment(tmp_path, monkeypatch):
-    """12 hours of four receivers with own tags on wrong clocks, another tag, and a fifth receiver that hears nothing of theirs."""
+    """12 hours of four receivers with own tags on wrong clocks, a fish, and a fifth receiver that hears none of these."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     rows = [(START + 5000.0 * step, "R4", "strange") for step in range(5)]
