@@ -51,7 +51,7 @@ class Sync:
     segment_days: Annotated[float | None, tyro.conf.arg(metavar="DAYS", help_behavior_hint="(one polynomial)")] = None
     """Length of the segments that get a polynomial each, 7 for weeks."""
     largest_offset: float = 600.0
-    """Largest difference between two clocks that is looked for [s]."""
+    """Largest difference between two clocks that is looked for [s]; below half the interval of sync tags that ping regularly."""
     reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
     """Receiver whose clock is the time."""
 

@@ -47,14 +47,14 @@ def deploy(
     ahead: Callable[[int, Floats], Floats] = ahead,
     late: float = 0.0,
     deaf: int | None = None,
-    shortest: float = 400.0,
+    interval: tuple[float, float] = (400.0, 640.0),
     seed: int = 1,
 ) -> Record:
     """Tags beside receivers that ping at random intervals; ``late``: share of arrivals by a path up to 60 ms longer."""
     rng = np.random.default_rng(seed)
     columns = []
     for number, tag in enumerate(tags):
-        ping = START + np.cumsum(rng.uniform(shortest, 1.6 * shortest, int(days * DAY / shortest)))
+        ping = START + 70.0 * tag + np.cumsum(rng.uniform(*interval, int(days * DAY / interval[0])))
         ping = ping[ping < START + days * DAY]
         for receiver in range(len(PLACES)):
             if deaf == receiver:
@@ -135,7 +135,7 @@ def test_a_clock_that_bends_by_the_week_takes_segments():
     def wavy(receiver: int, time: Floats) -> Floats:
         return ahead(receiver, time) + 0.02 * (receiver == 1) * np.sin(2 * np.pi * (time - START) / (20 * DAY))
 
-    record = deploy(days=30, ahead=wavy, shortest=1200.0)
+    record = deploy(days=30, ahead=wavy, interval=(1200.0, 1900.0))
     single = synchronize(record.detections, OWN_TAGS, SITES, reference="R0")
     weekly = synchronize(record.detections, OWN_TAGS, SITES, SyncSetting(segment=5 * DAY), reference="R0")
     # The sine's 20 ms over one and a half periods are past any cubic, but no reason to throw its points away.
@@ -147,7 +147,7 @@ def test_a_clock_that_bends_by_the_week_takes_segments():
 
 
 def test_a_segment_with_too_few_points_joins_its_neighbour():
-    record = deploy(days=10, shortest=1200.0)
+    record = deploy(days=10, interval=(1200.0, 1900.0))
     since = record.true - START
     gap = record.detections.take((since < 4 * DAY) | (since > 6.5 * DAY))
     model = synchronize(gap, OWN_TAGS, SITES, SyncSetting(segment=DAY), reference="R0").models["R1"]
@@ -173,6 +173,14 @@ def test_corrected_detections_are_in_order_and_true():
 
 def test_the_middle_clock_is_the_reference():
     assert coarse_clocks(deploy().detections).reference == "R0"  # -103, 0, 25, 61 s: the lower of the middle two
+
+
+def test_tags_with_a_fixed_interval_take_clocks_that_are_nearer_than_half_of_it():
+    regular = deploy(interval=(500.0, 500.0), days=0.5, ahead=lambda receiver, time: ahead(receiver, time) / 10).detections
+    with pytest.raises(ValueError, match="or none that stand out"):
+        synchronize(regular, OWN_TAGS, SITES, SyncSetting(largest_offset=1100.0))
+    found = synchronize(regular, OWN_TAGS, SITES, SyncSetting(largest_offset=200.0), reference="R0")
+    assert np.abs(clock_errors(found, lambda receiver, time: ahead(receiver, time) / 10, days=0.5)).max() < 0.8e-3
 
 
 def test_all_that_are_tied_only_by_others_get_a_clock():
