@@ -1,6 +1,6 @@
 """Recorded tracks as targets: reading, checking and resampling; and the row loop that replays them.
 
-A file is a csv with columns ``t_unix_s,x,y`` (seconds, metres in any plane coordinates).
+A file is a csv, plain or gzip, with columns ``t_unix_s,x,y`` (seconds, metres in any plane coordinates).
 """
 
 from __future__ import annotations
