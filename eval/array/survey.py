@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +24,7 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry
 from tagtrack.eval.versions import collect_versions
 
+RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")  # columns of receivers.csv
 OWN_FILES = ("distances.csv", "receivers.csv", "survey.json", "map.png")
 
 
@@ -86,9 +89,6 @@ class Survey:
         print(f"written: {self.out}")
 
 
-RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")
-
-
 def choose_placing(shape: Places, names: Sequence[str], reference: Mapping[str, Floats] | None) -> Placing:
     """Onto the reference places, or the first receiver at the origin."""
     if reference is None:
@@ -143,8 +143,11 @@ def _number(value: float) -> float | None:
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows with the same columns as csv; None is an empty field."""
-    lines = [",".join(rows[0]), *(",".join("" if value is None else str(value) for value in row.values()) for row in rows)]
-    return "\n".join(lines) + "\n"
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def print_survey(document: Mapping[str, Any]) -> None:
