@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tagtrack.baselines.static_array.likelihood import check_pings
 from tagtrack.baselines.static_array.model import (
     ArraySetting,
     Floats,
@@ -47,8 +48,8 @@ def particle_filter(
 ) -> Positions:
     """Mean and covariance of the particles after each ping, from it and those before.
 
-    The first position comes with the first ping that n + 1 receivers heard: its particles start evenly over the array's box, grown
-    on every side by its longest side, at velocities of ``setting.first_speed_sigma``. Later pings may be heard by fewer.
+    The first position comes with the first ping that n + 1 receivers heard: its particles start evenly over the array's box,
+    grown on every side by its longest side, at velocities of ``setting.first_speed_sigma``. Later pings may be heard by fewer.
 
     Args:
         pings: K pings in order of time. receivers: (R, n) [m].
@@ -58,28 +59,26 @@ def particle_filter(
     Returns:
         position (K, n) and covariance (K, n, n); NaN before the first.
     Raises:
-        ValueError: for receivers that cannot locate, arrivals for another number of them, times out of order, no particles.
+        ValueError: if the shapes disagree, receivers cannot locate, times are out of order, or there are no two particles.
     """
     places = check_receivers(receivers)
-    count, dimensions = places.shape
-    if pings.arrival.shape != (len(pings.time), count):
-        raise ValueError(f"arrivals must be ({len(pings.time)}, {count}) for {count} receivers, got {pings.arrival.shape}")
-    if np.any(np.diff(pings.time) < 0):
-        raise ValueError("pings must be in order of time")
+    check_pings(pings, places)
     if particles < 2:
         raise ValueError(f"particles must be at least 2, got {particles}")
+    dimensions = places.shape[1]
     known = arrival_information(pings.heard, setting.sigma) if information is None else information
     position = np.full((len(pings.time), dimensions), np.nan)
     covariance = np.full((len(pings.time), dimensions, dimensions), np.nan)
     located = np.flatnonzero(pings.heard.sum(axis=1) > dimensions)
     if located.size:
         rng = np.random.default_rng(seed)
+        misfits = [_misfit_of(*ping, places, setting.sound_speed) for ping in zip(pings.arrival, known, strict=True)]
         first = int(located[0])
-        cloud = _first_cloud(_misfit_of(pings.arrival[first], known[first], places, setting.sound_speed), places, setting, particles, rng)
+        cloud = _first_cloud(misfits[first], places, setting, particles, rng)
         position[first], covariance[first] = cloud.summarize()
         for k in range(first + 1, len(pings.time)):
             interval = max(float(pings.time[k] - pings.time[k - 1]), SHORTEST_INTERVAL)
-            cloud = _next_cloud(cloud, _misfit_of(pings.arrival[k], known[k], places, setting.sound_speed), interval, setting, rng)
+            cloud = _next_cloud(cloud, misfits[k], interval, setting, rng)
             position[k], covariance[k] = cloud.summarize()
     return Positions(position=position, covariance=covariance)
 

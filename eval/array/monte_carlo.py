@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tagtrack.baselines.static_array.bound import cramer_rao_bound, root_trace
-from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
+from tagtrack.baselines.static_array.model import ArraySetting, Floats
+from tagtrack.baselines.static_array.registry import Estimator
 from tagtrack.eval.array.scene import Noise, Scene
 
-Estimator = Callable[[Pings, Floats, ArraySetting], Positions]
 PLACES = ("inside", "outside")
 
 

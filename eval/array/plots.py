@@ -31,15 +31,15 @@ def plot_bound(scene: Scene, baseline: float, sigma: float) -> Figure:
     axis = baseline * np.linspace(-REACH, REACH, MAP_POINTS)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1)
     setting = ArraySetting(sound_speed=scene.sound_speed, sigma=sigma)
-    shown = None
+    look: dict[str, Any] = {"cmap": "viridis_r", "norm": BoundaryNorm(LEVELS, 256, extend="both"), "extend": "both"}
     for axes, name in zip(panels, ARRAYS, strict=False):
         receivers = place_receivers(name, baseline)
         least = np.minimum(root_trace(cramer_rao_bound(grid, receivers, setting)), 1e3)
-        shown = axes.contourf(axis, axis, least, levels=LEVELS, cmap="viridis_r", norm=BoundaryNorm(LEVELS, 256), extend="both")
+        axes.contourf(axis, axis, least, levels=LEVELS, **look)
         axes.plot(*receivers.T, "x", color=COLOURS[1], mew=2, ms=8)
         axes.set_title(f"{name}, {len(receivers)} receivers", fontsize=10, color=INK)
         axes.set(aspect="equal")
-    figure.colorbar(shown, ax=panels[:-1], label=f"bound for {1e3 * sigma:g} ms [m]", shrink=0.8)
+    figure.colorbar(panels[0].collections[0], ax=panels, label=f"bound for {1e3 * sigma:g} ms [m]", shrink=0.8)
     axes = panels[-1]
     axes.plot(*scene.position.T, ".-", color=COLOURS[0], lw=1.2, ms=4)
     axes.plot(*scene.position[0], "o", color=COLOURS[0], mfc="white", mew=1.6, ms=7)
@@ -71,7 +71,7 @@ def plot_rmse(document: Mapping[str, Any]) -> Figure:
         for place_on_axis, noise in zip(group, noises, strict=True):
             bound = noise[f"bound_{place}_m"]
             if bound is not None:
-                label = "bound" if place_on_axis == 0 else None
+                label = "bound" if place_on_axis == 0 else "_"
                 axes.hlines(bound, place_on_axis - 0.45, place_on_axis + 0.45, color=INK, lw=1.4, ls="--", label=label)
         axes.set_xticks(group, [noise["label"] for noise in noises])
         axes.set(yscale="log", ylabel="RMSE [m]", title=f"{place} the array")
@@ -91,9 +91,8 @@ def plot_rmse_over_time(scene: Scene, found: Mapping[Noise, Mapping[str, Outcome
             colour, style = COLOURS[index % len(COLOURS)], ("-", "--", ":")[index // len(COLOURS) % 3]
             axes.plot(minutes, _over_runs(outcome.error), color=colour, ls=style, lw=1.3, label=name)
         axes.plot(minutes, bound_of_pings(scene, noise), color=INK, lw=1.6, ls="--", label="bound")
-        axes.fill_between(
-            minutes, 0, 1, where=scene.inside.tolist(), step="mid", color=FAINT, alpha=0.18, lw=0, transform=axes.get_xaxis_transform()
-        )
+        inside = np.where(scene.inside, 1.0, 0.0)
+        axes.fill_between(minutes, inside, step="mid", color=FAINT, alpha=0.18, lw=0, transform=axes.get_xaxis_transform())
         axes.set(yscale="log", ylabel="RMSE [m]", xlim=(minutes[0], minutes[-1]))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.set_title(noise.label, fontsize=10, color=INK)
@@ -112,10 +111,8 @@ def plot_time(seconds: Mapping[str, float]) -> Figure:
     if printed:
         where, value = zip(*printed, strict=True)
         axes.plot(value, where, "D", color=COLOURS[1], ms=6, label="Masmitja et al. 2020")
-    for index, value in enumerate(seconds.values()):
-        axes.annotate(
-            f"{1e3 * value:.2g} ms", (1e3 * value, index), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8
-        )
+    for index, ms in enumerate(1e3 * np.array(list(seconds.values()))):
+        axes.annotate(f"{ms:.2g} ms", (ms, index), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set_yticks(place, list(seconds))
     axes.invert_yaxis()
     axes.set(xscale="log", xlabel="time per position [ms]")

@@ -114,7 +114,8 @@ def test_two_places_that_three_receivers_cannot_tell_apart_are_both_kept() -> No
     mean, covariance = integrate(pings, triangle, 5e-4, (axis, axis))
     assert np.sqrt(np.trace(covariance)) > 10  # both have a share
     found = particle_filter(pings, triangle, ArraySetting(sigma=5e-4))
-    np.testing.assert_allclose(found.position[0], mean, atol=2.0)  # shares to 6 %: they settle at the first stages, with few particles
+    # Shares to 6 %: they settle at the first stages, with few particles.
+    np.testing.assert_allclose(found.position[0], mean, atol=2.0)
     np.testing.assert_allclose(found.covariance[0], covariance, rtol=0.15)
 
 
@@ -163,7 +164,7 @@ def test_three_dimensions_are_tracked() -> None:
     [
         ({"particles": 1}, "at least 2"),
         ({"receivers": SQUARE[:2]}, "at least 3"),
-        ({"receivers": SQUARE[:3]}, "for 3 receivers"),
+        ({"receivers": SQUARE[:3]}, "one column for each receiver"),
     ],
 )
 def test_bad_input_is_refused(change: dict[str, object], message: str) -> None:
