@@ -22,7 +22,7 @@ DIFFUSE = 1e5  # [m], deviation of the prior that keeps a state determined on wh
 OUTLIERS, TAIL_SCALE, TAIL_DEGREES = 0.05, 10.0, 3.0  # of the robust errors: share, width in sigma, and Student's nu
 MOST_STEPS, MOST_HALVINGS = 60, 12
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
-CONVERGED = 1e-3  # minus the log density that a last step would still gain
+CONVERGED = 1e-2  # minus the log density that a last step would still gain
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,7 @@ FIRST_INTERVAL_SIGMA = 1e-3  # [s]
 REACH = np.log(1e3)  # how far from their start the scales are sought
 COARSENESS = (30.0, 5.0)  # the first fits take arrivals for that many times worse: outliers show before they attract
 SMOOTHING = 5  # located pings whose median is the start
-TOLERANCE, MOST_EVALUATIONS = 0.05, 150  # of the search for log scales
+TOLERANCE, MOST_EVALUATIONS = 0.05, 150  # of the search, in minus the log likelihood: scales that fit alike are alike
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +169,7 @@ def _estimate_scales(model: ArrivalModel, first: Scales, state: Floats) -> tuple
         start,
         method="Nelder-Mead",
         bounds=[(value - REACH, value + REACH) for value in start],
-        options={"initial_simplex": simplex, "xatol": TOLERANCE, "fatol": TOLERANCE, "maxfev": MOST_EVALUATIONS},
+        options={"initial_simplex": simplex, "xatol": 1.0, "fatol": TOLERANCE, "maxfev": MOST_EVALUATIONS},
     )
     return best, state
 

@@ -4,7 +4,7 @@ The target's velocity changes by white acceleration (Eqs. 8-9, with the time tha
 paths of positions; of each the velocity is normal in closed form and need not be drawn (Schoen et al. 2005). One ping pins a
 position down to a metre where the particles stand tens of metres apart, at the first ping hundreds: where too few would survive,
 its likelihood is let in by stages, each followed by Metropolis moves that leave the posterior as it is (Del Moral et al. 2006).
-The errors are Gaussian as in the paper: outliers drag the track.
+The paper's errors are Gaussian; here a share of pings may by default be far off, else one outlier carries the track away.
 """
 
 from __future__ import annotations
@@ -31,10 +31,13 @@ TEMPER_BELOW = 0.02  # effective share that one update may leave: 120 of 6000 kn
 STAGE_SHARE = 0.25  # effective share that a stage leaves
 MOVES = 2  # Metropolis moves after a stage
 SMALLEST_MOVE, LARGEST_MOVE = 0.05, 2.0  # of the particles' own spread, drawn log-uniform: modes of any width are explored
+STRAY_SHARE, STRAY_SCALE = 0.1, 100.0  # share of pings with an outlier, and their errors in sigma
+LOST_AFTER = 3  # strays in a row
 SMALLEST_EIGENVALUE = 1e-9  # of the largest; below it is rounding
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
 
 Misfit = Callable[[Floats], Floats]
+Prior = Callable[[Floats, Floats], Floats]
 
 
 def particle_filter(
@@ -44,6 +47,7 @@ def particle_filter(
     *,
     information: Floats | None = None,
     particles: int = PARTICLES,
+    stray_share: float = STRAY_SHARE,
     seed: int = 0,
 ) -> Positions:
     """Mean and covariance of the particles after each ping, from it and those before.
@@ -55,7 +59,10 @@ def particle_filter(
         pings: K pings in order of time. receivers: (R, n) [m].
         setting: of it the speed of sound, ``sigma`` of an arrival, ``acceleration_sigma`` and ``first_speed_sigma``.
         information: (K, R, R) [1/s^2] of the arrivals; by default independent errors of ``setting.sigma``.
-        particles: how many. seed: of their random numbers; the same seed gives the same track.
+        particles: how many.
+        stray_share: of pings taken to have errors a hundred times as large, so that one outlier does not carry the track away.
+            After three such in a row the track is lost and starts anew. 0: all errors Gaussian of ``sigma``, as in the paper.
+        seed: of the random numbers; the same seed gives the same track.
     Returns:
         position (K, n) and covariance (K, n, n); NaN before the first.
     Raises:
@@ -63,6 +70,8 @@ def particle_filter(
     """
     places = check_receivers(receivers)
     check_pings(pings, places)
+    if not 0 <= stray_share < 1:
+        raise ValueError(f"stray_share must be in [0, 1), got {stray_share!r}")
     if particles < 2:
         raise ValueError(f"particles must be at least 2, got {particles}")
     dimensions = places.shape[1]
@@ -72,15 +81,41 @@ def particle_filter(
     located = np.flatnonzero(pings.heard.sum(axis=1) > dimensions)
     if located.size:
         rng = np.random.default_rng(seed)
-        misfits = [_misfit_of(*ping, places, setting.sound_speed) for ping in zip(pings.arrival, known, strict=True)]
-        first = int(located[0])
-        cloud = _first_cloud(misfits[first], places, setting, particles, rng)
-        position[first], covariance[first] = cloud.summarize()
-        for k in range(first + 1, len(pings.time)):
-            interval = max(float(pings.time[k] - pings.time[k - 1]), SHORTEST_INTERVAL)
-            cloud = _next_cloud(cloud, misfits[k], interval, setting, rng)
+        strays = LOST_AFTER
+        for k in range(int(located[0]), len(pings.time)):
+            begins = strays >= LOST_AFTER and k in located  # with a ping that is taken at its word
+            misfit = _Misfit(pings.arrival[k], known[k], places, setting.sound_speed, 0.0 if begins else stray_share)
+            if begins:
+                cloud, strays = _first_cloud(misfit, places, setting, particles, rng), 0
+            else:
+                interval = max(float(pings.time[k] - pings.time[k - 1]), SHORTEST_INTERVAL)
+                cloud = _next_cloud(cloud, misfit, interval, setting, rng)
+                strays = strays + 1 if misfit(cloud.position).min() > misfit.astray else 0
             position[k], covariance[k] = cloud.summarize()
     return Positions(position=position, covariance=covariance)
+
+
+class _Misfit:
+    """Of positions (n, N), minus the log likelihood of a ping: half the quadratic form of its residuals (model.py), or astray."""
+
+    def __init__(self, arrival: Floats, information: Floats, places: Floats, sound_speed: float, stray_share: float) -> None:
+        heard = np.isfinite(arrival)
+        value, vector = np.linalg.eigh(information[np.ix_(heard, heard)])
+        tells = value > SMALLEST_EIGENVALUE * value.max(initial=1.0)  # a common shift of all arrivals tells nothing
+        self.root = (np.sqrt(0.5 * value[tells]) * vector[:, tells]).T
+        self.measured = arrival[heard, None] - arrival[heard].mean() if heard.any() else np.zeros((0, 1))
+        self.where, self.sound_speed = places[heard], sound_speed
+        self.astray = np.inf  # the cost that makes it as likely a stray
+        if stray_share:
+            self.astray = np.log1p(-stray_share) - np.log(stray_share) + tells.sum() * np.log(STRAY_SCALE)
+
+    def __call__(self, position: Floats) -> Floats:
+        square = (position[0] - self.where[:, 0, None]) ** 2
+        for coordinate, place in zip(position[1:], self.where.T[1:], strict=True):
+            square += (coordinate - place[:, None]) ** 2
+        residual = self.root @ (self.measured - np.sqrt(square) / self.sound_speed)
+        cost = np.einsum("ij,ij->j", residual, residual)
+        return cost if np.isinf(self.astray) else -np.logaddexp(-cost, -self.astray - cost / STRAY_SCALE**2)
 
 
 @dataclass
@@ -146,7 +181,7 @@ def _condition(
     ancestor: Floats,
     log_weight: Floats,
     misfit: Misfit,
-    prior: Callable[[Floats, Floats], Floats],
+    prior: Prior,
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats, Floats]:
     """Let in a ping, by stages where it would leave too few particles.
@@ -175,7 +210,7 @@ def _move(
     cost: Floats,
     let_in: float,
     misfit: Misfit,
-    prior: Callable[[Floats, Floats], Floats],
+    prior: Prior,
     rng: np.random.Generator,
 ) -> tuple[Floats, Floats]:
     """One Metropolis move of every particle. Returns position and misfit."""
@@ -188,27 +223,6 @@ def _move(
     gain = prior(position, ancestor) - prior(proposed, ancestor) + let_in * (cost - new_cost)
     accepted = rng.standard_exponential(gain.size) > -gain
     return np.where(accepted, proposed, position), np.where(accepted, new_cost, cost)
-
-
-def _misfit_of(arrival: Floats, information: Floats, places: Floats, sound_speed: float) -> Misfit:
-    """Of positions (n, N), half the quadratic form of their arrival residuals (model.py)."""
-    heard = np.isfinite(arrival)
-    value, vector = np.linalg.eigh(information[np.ix_(heard, heard)])
-    tells = value > SMALLEST_EIGENVALUE * value.max(initial=1.0)  # a common shift of all arrivals tells nothing
-    if not tells.any():
-        return lambda position: np.zeros(position.shape[1])
-    root = (np.sqrt(0.5 * value[tells]) * vector[:, tells]).T
-    measured = arrival[heard] - arrival[heard].mean()
-    where = places[heard]
-
-    def misfit(position: Floats) -> Floats:
-        square = (position[0] - where[:, 0, None]) ** 2
-        for coordinate, place in zip(position[1:], where.T[1:], strict=True):
-            square += (coordinate - place[:, None]) ** 2
-        residual = root @ (measured[:, None] - np.sqrt(square) / sound_speed)
-        return np.einsum("ij,ij->j", residual, residual)
-
-    return misfit
 
 
 def _next_stage(log_weight: Floats, cost: Floats, most: float) -> float:

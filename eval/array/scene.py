@@ -1,7 +1,7 @@
 """The simulated deployment of Masmitja et al. 2020 (Fig. 2B, S1): receivers, a target that swims among and around them, noise.
 
 The paper shows its trajectory but prints no coordinates; ours likewise enters and leaves the array and passes near receivers. Of
-speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s and 120 s: these are the command's default, since the
+speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s and 120 s: these are the command's default, as the
 methods list them as the parameters simulated and lobsters are slow.
 """
 
