@@ -27,12 +27,12 @@ from tagtrack.baselines.static_array.model import (
 
 PARTICLES = 6000
 RESAMPLE_BELOW = 0.5  # effective share of the particles
-TEMPER_BELOW = 0.02  # effective share that one update may leave: 120 of 6000 know a mean to a tenth of its deviation
+TEMPER_BELOW = 0.01  # effective share that one update may leave: 60 of 6000 know a mean to an eighth of its deviation
 STAGE_SHARE = 0.25  # effective share that a stage leaves
 MOVES = 2  # Metropolis moves after a stage
 SMALLEST_MOVE, LARGEST_MOVE = 0.05, 2.0  # of the particles' own spread, drawn log-uniform: modes of any width are explored
 STRAY_SHARE, STRAY_SCALE = 0.1, 100.0  # share of pings with an outlier, and their errors in sigma
-LOST_AFTER = 3  # strays in a row
+LOST_AFTER, EVERY = 3, 20  # strays in a row; one particle in so many shows them
 SMALLEST_EIGENVALUE = 1e-9  # of the largest; below it is rounding
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
 
@@ -90,7 +90,7 @@ def particle_filter(
             else:
                 interval = max(float(pings.time[k] - pings.time[k - 1]), SHORTEST_INTERVAL)
                 cloud = _next_cloud(cloud, misfit, interval, setting, rng)
-                strays = strays + 1 if misfit(cloud.position).min() > misfit.astray else 0
+                strays = strays + 1 if misfit(cloud.position[:, ::EVERY]).min() > misfit.astray else 0
             position[k], covariance[k] = cloud.summarize()
     return Positions(position=position, covariance=covariance)
 

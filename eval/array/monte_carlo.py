@@ -22,7 +22,7 @@ class Outcome:
     """What one method made of one noise in M runs of K pings."""
 
     error: Floats  # (M, K) [m]; NaN where it gave no position
-    seconds: Floats  # (M,) per position
+    seconds: Floats  # (M,) of one processor per position
 
     def rmse(self, chosen: Any) -> Floats:
         """(M,) [m], root mean square over the chosen pings (K,) that got a position."""
@@ -56,9 +56,9 @@ def repeat(
             key = [seed, run, round(1e9 * noise.sigma), round(1e6 * noise.outliers)]
             pings = scene.draw_pings(noise, np.random.default_rng(key))
             for name, method in methods.items():
-                begun = time.perf_counter()
+                begun = time.process_time()
                 positions = method(pings, scene.receivers, setting(noise))
-                seconds[name][run] = (time.perf_counter() - begun) / count
+                seconds[name][run] = (time.process_time() - begun) / count
                 error[name][run] = np.linalg.norm(positions.position - scene.position, axis=1)
                 advance(name, count)
         found[noise] = {name: Outcome(error=error[name], seconds=seconds[name]) for name in methods}
