@@ -160,7 +160,7 @@ AREA_RECEIVER = PresenceReceiver(
 )
 AREA_ONLY = Scenario(
     time_step=30.0,
-    episode_steps=360,  # three hours, some 144 pings
+    episode_steps=720,  # six hours, some 288 pings; the paper's field test lasted fifteen
     vehicle=Vehicle(max_speed=1.0, max_turn_rate=0.05, heading_gain=0.05, control_interval=15.0, fix_interval=0.0),
     fish=MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.3),
     start=Start(nearest=50.0, farthest=300.0),

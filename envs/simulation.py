@@ -18,8 +18,9 @@ from tagtrack.envs.scenario import REWARD_TERMS, Reward, Scenario, Start
 from tagtrack.envs.sim.acoustics import CONTACT, Water
 from tagtrack.envs.sim.motion import MotionRule, Replay
 from tagtrack.envs.sim.receivers import ReceiverRule
+from tagtrack.envs.sim.replay import NO_TRACKS, TrackTable, make_table
 from tagtrack.envs.sim.tags import TARGET, Tag
-from tagtrack.envs.sim.tracks import Track, resample_track
+from tagtrack.envs.sim.tracks import Track
 from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle
 from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
@@ -54,10 +55,12 @@ class Simulation:
 
     Args:
         scenario: what is simulated. num_worlds: B. threads: worlds are split among so many.
-        track: the recorded track for a scenario whose fish is a ``Replay``.
+        tracks: recorded tracks, one for each animal, for a scenario whose fish is a ``Replay``.
     """
 
-    def __init__(self, scenario: Scenario, num_worlds: int = 1, *, threads: int = 1, track: Track | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario, num_worlds: int = 1, *, threads: int = 1, tracks: Sequence[Track] | None = None
+    ) -> None:
         for name, value in (("num_worlds", num_worlds), ("threads", threads)):
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
                 raise ValueError(f"{name} must be a whole number of at least 1, got {value!r}")
@@ -67,7 +70,7 @@ class Simulation:
         self.features: tuple[Feature, ...] = features(scenario.targets, scenario.receiver.kind)
         self.action_names = action_names(scenario.speed_control)
         self._parameters = to_record(_world_rule(scenario))
-        self._track = _track_table(scenario, track)
+        self._tracks = _track_table(scenario, tracks)
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
         particles = scenario.belief.particles
         self.worlds = Worlds(
@@ -86,8 +89,8 @@ class Simulation:
         self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
         self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
         self._chosen = np.zeros(b, bool)
-        self._reset_arguments = (self._chosen, self._parameters, self._track, self.worlds, self.outputs)
-        self._step_arguments = (self._parameters, self._track, self._actions, self.worlds, self.outputs)
+        self._reset_arguments = (self._chosen, self._parameters, self._tracks, self.worlds, self.outputs)
+        self._step_arguments = (self._parameters, self._tracks, self._actions, self.worlds, self.outputs)
         self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
         self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
 
@@ -244,11 +247,11 @@ def _world_rule(scenario: Scenario) -> WorldRule:
     )
 
 
-def _track_table(scenario: Scenario, track: Track | None) -> np.ndarray:
+def _track_table(scenario: Scenario, tracks: Sequence[Track] | None) -> TrackTable:
     if isinstance(scenario.fish, Replay):
-        if track is None:
+        if tracks is None:
             raise ValueError("a scenario with a replayed fish needs a track; give tracks=FILE")
-        return resample_track(track, scenario.time_step, scenario.fish.time_scale, scenario.episode_steps)
-    if track is not None:
+        return make_table(tracks, scenario.fish, scenario.time_step, scenario.episode_steps)
+    if tracks is not None:
         raise ValueError(f"a track was given, but the fish moves by {type(scenario.fish).__name__}; make it a Replay")
-    return np.zeros((1, 2))
+    return NO_TRACKS

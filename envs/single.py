@@ -98,8 +98,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         env_id: whose scenario; ``gym.make`` fills it in.
         preset: other people's settings of the task by their name (``RangeOnly`` has some), instead of the id's own.
         particles: particles of the belief (default 1000).
-        tracks: csv file (``t_unix_s,x,y``, metres) of a recorded track for the fish to swim.
-        time_scale: how fast it swims that track; 0.5 is half the recorded speed.
+        tracks: csv file (``t_unix_s,x,y``, metres; of several animals with a column ``tag``) of recorded tracks. Each episode the
+            fish swims another stretch of one of them, never across a gap of more than ``fish.longest_gap`` (900 s).
+        time_scale: how fast it swims them; 0.5 is half the recorded speed.
         overrides: any parameter of the scenario by its dotted name: ``{"water.noisy_share": 0.3, "belief": "levy"}``.
         scenario: a whole ``Scenario`` instead of the id's.
         render_mode: ``"rgb_array"``, ``"human"`` or None (needs ``pip install "tagtrack[render]"``).
@@ -137,7 +138,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
         self.render_mode = render_mode
-        self.simulation = Simulation(task.scenario, track=task.track)
+        self.simulation = Simulation(task.scenario, tracks=task.tracks)
         self.observation_space = observation_space(task.scenario)
         self.action_space = action_space(task.scenario)
         self._picture = Picture(self.simulation) if render_mode else None

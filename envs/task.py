@@ -1,4 +1,4 @@
-"""What a shell is asked to run: the keyword arguments that all shells share become one scenario and its recorded track.
+"""What a shell is asked to run: the keyword arguments that all shells share become one scenario and its recorded tracks.
 
 The spaces of observation and action follow from the scenario.
 """
@@ -18,14 +18,34 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.presets import find_preset
 from tagtrack.envs.scenario import Scenario, find_scenario
 from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.tracks import Track, read_track
+from tagtrack.envs.sim.replay import find_stretches
+from tagtrack.envs.sim.tracks import Track, read_tracks
 
 
 class Task(NamedTuple):
-    """A scenario and, where its fish replays one, the recorded track: what ``Simulation`` is made of."""
+    """A scenario and, where its fish replays them, recorded tracks: what ``Simulation`` is made of."""
 
     scenario: Scenario
-    track: Track | None
+    tracks: tuple[Track, ...] | None = None  # one for each animal
+    tracks_file: str | None = None  # where they were read
+
+    def describe_tracks(self) -> dict[str, Any] | None:
+        """Which recorded animals the fish is, as plain values for JSON; None where it is none.
+
+        ``animals`` and unbroken ``stretches`` count those long enough for an episode; ``hours`` is what these last as recorded.
+        """
+        scenario = self.scenario
+        if self.tracks is None or not isinstance(scenario.fish, Replay):
+            return None
+        stretches = find_stretches(self.tracks, scenario.fish, scenario.time_step, scenario.episode_steps)
+        return {
+            "file": self.tracks_file,
+            "animals": len({stretch.tag for stretch in stretches}),
+            "stretches": len(stretches),
+            "hours": round(sum(float(stretch.time[-1] - stretch.time[0]) for stretch in stretches) / 3600.0, 3),
+            "time_scale": scenario.fish.time_scale,
+            "longest_gap": scenario.fish.longest_gap,
+        }
 
 
 def build_task(
@@ -44,12 +64,13 @@ def build_task(
         env_id: a key of ``SCENARIOS``; not looked at where ``scenario`` is given.
         preset: other people's settings of that task (``presets.PRESETS``), instead of the id's own.
         particles: particles of each belief (``belief.particles``).
-        tracks: csv file of a recorded track, which the fish then swims instead of its random walk.
-        time_scale: how fast it swims its track: 0.5 is half the recorded speed.
+        tracks: csv file of recorded tracks (``read_tracks``), one of which the fish then swims instead of its random walk.
+        time_scale: how fast it swims its track: 0.5 is half the recorded speed (``fish.time_scale``).
         overrides: dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``).
         scenario: a whole scenario of one's own, which the other arguments then change.
     Raises:
-        ValueError: for an unknown id, preset or name, a value out of range, a time_scale without a track, a broken track file.
+        ValueError: for an unknown id, preset or name, a value out of range, a time_scale without a track, a motion
+            beside a track, a broken track file or one without a stretch as long as an episode.
         FileNotFoundError: where there is no such file.
     """
     if preset is not None and scenario is not None:
@@ -66,19 +87,41 @@ def build_task(
     changes = dict(overrides or {})
     if particles is not None:
         changes["belief.particles"] = particles
+    if tracks is not None:
+        return _build_replay(chosen, changes, tracks, time_scale)
     chosen = with_overrides(chosen, changes)
-    if tracks is None:
-        if time_scale is not None:
-            raise ValueError(f"time_scale={time_scale!r} slows a recorded track, but none is given; add tracks=FILE")
-        return Task(chosen, None)
-    fish = chosen.fish if isinstance(chosen.fish, Replay) else Replay()
     if time_scale is not None:
-        fish = Replay(time_scale=time_scale)
-    return Task(replace(chosen, fish=fish), read_track(tracks))
+        raise ValueError(f"time_scale={time_scale!r} slows a recorded track, but none is given; add tracks=FILE")
+    return Task(chosen)
 
 
-def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
-    """Overrides from ``NAME=VALUE`` texts. Raises ValueError for a text without name or value and for a name set twice."""
+def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Path, time_scale: float | None) -> Task:
+    """The task of a scenario whose fish swims recorded tracks."""
+    motion = changes.get("fish", Replay())
+    if not isinstance(motion, Replay):
+        raise ValueError(f"the fish swims either the tracks of {tracks} or by a motion (fish={motion}); drop one of the two")
+    if not isinstance(scenario.fish, Replay):
+        scenario = replace(scenario, fish=Replay())
+    if time_scale is not None:
+        if "fish.time_scale" in changes:
+            raise ValueError(f"time_scale={time_scale!r} and fish.time_scale={changes['fish.time_scale']} are one; drop one")
+        changes["fish.time_scale"] = time_scale
+    scenario = with_overrides(scenario, changes)
+    assert isinstance(scenario.fish, Replay)
+    found = read_tracks(tracks)
+    try:
+        find_stretches(found, scenario.fish, scenario.time_step, scenario.episode_steps)
+    except ValueError as error:
+        raise ValueError(f"{tracks}: {error}") from None
+    return Task(scenario, found, str(tracks))
+
+
+def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str, str]:
+    """Overrides from ``NAME=VALUE`` texts and, in short, the fish's ``motion`` by its name.
+
+    Raises:
+        ValueError: for a text without name or value and for a name set twice.
+    """
     overrides: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -87,6 +130,10 @@ def parse_overrides(texts: Sequence[str]) -> dict[str, str]:
         if name in overrides:
             raise ValueError(f"{name} is set twice, to {overrides[name]} and to {value}; drop one")
         overrides[name] = value
+    if motion is not None:
+        if "fish" in overrides:
+            raise ValueError(f"the motion of the fish is set twice, to {motion} and to {overrides['fish']}; drop one")
+        overrides["fish"] = motion
     return overrides
 
 

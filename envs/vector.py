@@ -61,7 +61,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         require_single(task.scenario, "TagTrackVectorEnv")
         if render_mode is not None:
             raise ValueError(f"render_mode must be None, got {render_mode!r}; TagTrackEnv draws a single world")
-        self.simulation = Simulation(task.scenario, num_envs, threads=threads, track=task.track)
+        self.simulation = Simulation(task.scenario, num_envs, threads=threads, tracks=task.tracks)
         self.num_envs = self.simulation.num_worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}

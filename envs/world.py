@@ -29,8 +29,8 @@ from tagtrack.envs.reward import judge
 from tagtrack.envs.sim.acoustics import listen, open_contact
 from tagtrack.envs.sim.legs import begin_legs, follow_legs
 from tagtrack.envs.sim.motion import MotionKind, start_swimming, swim
+from tagtrack.envs.sim.replay import begin_replay, follow_track
 from tagtrack.envs.sim.tags import ping_within, start_pinging
-from tagtrack.envs.sim.tracks import begin_replay, follow_track
 from tagtrack.envs.sim.vehicle import hold_course, launch
 
 # A world's own numbers: its seed, the episode and the step it is in. They key every random draw.
@@ -64,7 +64,7 @@ def stream_of(clock):
 
 
 @compiled
-def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratch):
+def reset_worlds(first, last, chosen, parameters, tracks, worlds, outputs, scratch):
     """Begin an episode in the chosen worlds among first..last-1."""
     p = parameters[0]
     for b in range(first, last):
@@ -76,7 +76,7 @@ def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratc
         for v in range(worlds.vehicles.shape[1]):
             launch(worlds.vehicles[b, v], stream, v, p.vehicle)
         for t in range(worlds.fish.shape[1]):
-            place_fish(worlds.targets[b, t], worlds.fish[b, t], stream, t, p, track, scratch)
+            place_fish(worlds.targets[b, t], worlds.fish[b, t], stream, t, p, tracks, scratch)
             for v in range(worlds.vehicles.shape[1]):
                 contact = worlds.contacts[b, v, t]
                 vehicle = worlds.vehicles[b, v]
@@ -98,7 +98,7 @@ def reset_worlds(first, last, chosen, parameters, track, worlds, outputs, scratc
 
 
 @compiled
-def place_fish(target, fish, stream, t, p, track, scratch):
+def place_fish(target, fish, stream, t, p, tracks, scratch):
     """Put a fish at a random bearing and distance from the origin, swimming, with its tag."""
     start_pinging(target, stream, t, p.tag)
     depth, _ = uniform_pair(stream, START, 16 * t + 6)
@@ -113,7 +113,7 @@ def place_fish(target, fish, stream, t, p, track, scratch):
     fish[2, 0] = 0.0
     fish[3, 0] = 0.0
     if p.fish.kind == MotionKind.REPLAY:
-        begin_replay(target, fish, stream, t, track, p.episode_steps)
+        begin_replay(target, fish, stream, t, tracks, p.episode_steps)
     elif p.fish.kind == MotionKind.LEGS:
         begin_legs(target, fish, stream, t, p.fish)
     else:
@@ -122,7 +122,7 @@ def place_fish(target, fish, stream, t, p, track, scratch):
 
 
 @compiled
-def step_worlds(first, last, parameters, track, actions, worlds, outputs, scratch):
+def step_worlds(first, last, parameters, tracks, actions, worlds, outputs, scratch):
     """Advance worlds first..last-1 by one time step under ``actions`` (B, V, A)."""
     p = parameters[0]
     for b in range(first, last):
@@ -130,7 +130,7 @@ def step_worlds(first, last, parameters, track, actions, worlds, outputs, scratc
         clock.step += 1
         stream = stream_of(clock)
         steer_vehicles(b, actions, worlds, p, stream)
-        swim_fish(b, track, worlds, p, stream, scratch)
+        swim_fish(b, tracks, worlds, p, stream, scratch)
         hear_tags(b, worlds, p, stream)
         update_beliefs(b, worlds, p, stream, scratch)
         summarize_world(b, worlds, p)
@@ -148,11 +148,11 @@ def steer_vehicles(b, actions, worlds, p, stream):
 
 
 @compiled
-def swim_fish(b, track, worlds, p, stream, scratch):
+def swim_fish(b, tracks, worlds, p, stream, scratch):
     for t in range(worlds.fish.shape[1]):
         fish = worlds.fish[b, t]
         if p.fish.kind == MotionKind.REPLAY:
-            follow_track(worlds.targets[b, t], fish, track, worlds.clock[b].step, p.time_step)
+            follow_track(worlds.targets[b, t], fish, tracks.position, worlds.clock[b].step, p.time_step)
         elif p.fish.kind == MotionKind.LEGS:
             before = (worlds.clock[b].step - 1) * p.time_step
             follow_legs(worlds.targets[b, t], fish, stream, t, p.fish, before, p.time_step)

@@ -16,7 +16,7 @@ from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import print_table, write_benchmark, write_json
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
-from tagtrack.eval.rollout import PolicyMaker, SeedBlock, block_seed, trace
+from tagtrack.eval.rollout import Contestant, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ class Benchmark:
 
     task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
-    """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs."""
+    """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs.
+    static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None
     """Folder to write; an earlier benchmark's is replaced."""
@@ -60,7 +61,13 @@ class Benchmark:
                 on_step=advance,
             )
         print_table(comparison)  # before it is written: a full disk must not cost the result
-        asked = {**self.task.describe(), "policies": specs, "episodes": trial.episodes, "seed": trial.seed}
+        asked = {
+            **self.task.describe(),
+            "replayed": task.describe_tracks(),
+            "policies": specs,
+            "episodes": trial.episodes,
+            "seed": trial.seed,
+        }
         with replace_results(out, OWN_FILES) as folder:
             write_benchmark(folder, comparison.document(collect_versions()))
             write_json(folder / "config.json", asked)
@@ -74,7 +81,7 @@ def draw_errors(comparison: Comparison) -> Figure:
     return plot_errors(errors, lost_error=comparison.task.scenario.lost_error)
 
 
-def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, PolicyMaker]) -> None:
+def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, Contestant]) -> None:
     """Draw the typical episodes of a comparison, all policies side by side, as ``track_NAME.png``."""
     first = block_seed(SeedBlock.BENCHMARK, comparison.seed)
     for name, episode in typical_episodes(comparison).items():

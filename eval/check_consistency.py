@@ -18,7 +18,7 @@ from tagtrack.eval.plots import plot_calibration, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, interval_cell, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.rollout import SeedBlock, block_seed, trace
+from tagtrack.eval.rollout import Localizer, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("consistency.json", "calibration.png")
@@ -56,6 +56,8 @@ class Consistency:
         self.trial.check()
         task, trial = self.task.build(), self.trial
         ((name, maker),) = find_makers(name_contestants([self.policy]), task, self.task.env_id).items()
+        if isinstance(maker, Localizer):
+            raise ValueError(f"{name} steers no vehicle, whose belief could be checked; name a policy")
         if self.out is not None:
             require_replaceable(self.out, OWN_FILES, "consistency check")
         with progress_bar(trial.episodes * task.scenario.episode_steps) as advance:

@@ -46,6 +46,7 @@ class Comparison:
             episodes=self.episodes,
             seed=self.seed,
             particles=self.task.scenario.belief.particles,
+            tracks=self.task.describe_tracks(),
             versions=versions,
             policies=self.summaries,
             ratios=self.ratios,
@@ -74,8 +75,9 @@ def compare(
     Args:
         env: an environment's id, or a ``Task`` (``tagtrack.envs.task.build_task``).
         policies: by name, a baseline's spec (``"circle:40"``), a folder with a saved policy, a policy (anything with the
-            ``predict`` of Stable-Baselines3), or a function that makes one for a ``Simulation``. Of specs and folders a
-            sequence will do: they go by the names that ``name_contestants`` gives them.
+            ``predict`` of Stable-Baselines3), a function that makes one for a ``Simulation``, moored receivers
+            (``"static_array:200"``) or another ``Localizer``. Of specs and folders a sequence will do: they go by the names
+            that ``name_contestants`` gives them.
         episodes: E. seed: of the first episode within its ``block``. threads, batch: change the speed, not the results.
         particles: of the belief, instead of the task's.
         perimeter: for ``inside_perimeter`` [m]; None: the scenario's, if it has one.

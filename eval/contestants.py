@@ -1,4 +1,5 @@
-"""Who takes part: a policy named on a command line is a baseline (``circle:40``) or the folder of a saved policy.
+"""Who takes part: a contestant named on a command line is a baseline (``circle:40``), the folder of a saved policy, or
+moored receivers (``static_array:200``).
 
 All of them are made once, and thereby checked, before anything runs.
 """
@@ -14,15 +15,16 @@ from tagtrack.envs.observation import action_names, feature_names
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
-from tagtrack.eval.rollout import PolicyMaker
+from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker
+from tagtrack.eval.static_array import NAME, is_static_array, read_static_array
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
 
-PolicySpec = str | os.PathLike[str] | Policy | PolicyMaker
+PolicySpec = str | os.PathLike[str] | Policy | PolicyMaker | Localizer
 
 
 def name_contestants(specs: Sequence[str]) -> dict[str, str]:
-    """The specs by the names they go by in tables: a baseline by its spec, a saved policy by its folder's name.
+    """The specs by the names they go by in tables: a baseline or an array by its spec, a saved policy by its folder's name.
 
     Raises:
         ValueError: if there is none, or two go by the same name.
@@ -31,7 +33,7 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
         raise ValueError(f"name at least one policy: {_choices()}")
     named: dict[str, str] = {}
     for spec in specs:
-        name = spec if _is_baseline(spec) else Path(spec).resolve().name
+        name = spec if _is_baseline(spec) or is_static_array(spec) else Path(spec).resolve().name
         if name in named:
             raise ValueError(
                 f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
@@ -40,12 +42,12 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
     return named
 
 
-def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dict[str, PolicyMaker]:
-    """A maker for each policy; each has made its policy once for this task.
+def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dict[str, Contestant]:
+    """A maker for each policy, which has made it once for this task; a ``Localizer`` stands for itself.
 
     Args:
-        specs: by name, a baseline's spec, a folder with a saved policy, a policy, or a function that makes one for a
-            ``Simulation``.
+        specs: by name, a baseline's or an array's spec, a folder with a saved policy, a policy, a function that makes one for a
+            ``Simulation``, or a ``Localizer``.
         env_id: for error messages.
     Raises:
         ValueError: for an unknown baseline, a wrong number behind its colon, a policy of another layout or a damaged file.
@@ -53,17 +55,22 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
     """
     # Folders and unknown names first: a simulation may have to be compiled.
     makers = {name: _find_maker(spec, task, env_id) for name, spec in specs.items()}
-    simulation = Simulation(task.scenario, track=task.track)
+    simulation = Simulation(task.scenario, tracks=task.tracks)
     for maker in makers.values():
-        maker(simulation)
+        if not isinstance(maker, Localizer):
+            maker(simulation)
     return makers
 
 
-def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> PolicyMaker:
+def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> Contestant:
     if isinstance(spec, (str, os.PathLike)):
         if isinstance(spec, str) and _is_baseline(spec):
             return lambda simulation: make_baseline(spec, simulation)
+        if isinstance(spec, str) and is_static_array(spec):
+            return read_static_array(spec)
         return _always(_load(Path(spec), task.scenario, env_id))
+    if isinstance(spec, Localizer):
+        return spec
     if hasattr(spec, "predict"):
         return _always(spec)
     if callable(spec):
@@ -91,4 +98,4 @@ def _is_baseline(spec: str) -> bool:
 
 
 def _choices() -> str:
-    return f"the baselines are {', '.join(BASELINES)}"
+    return f"the baselines are {', '.join(BASELINES)}; {NAME} stands for moored receivers"

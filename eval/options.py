@@ -26,9 +26,11 @@ class TaskOptions:
     ] = ()
     """Parameters of the scenario by their dotted names, as water.noisy_share=0.3 belief=levy; a wrong name lists all."""
     tracks: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
-    """csv file (t_unix_s,x,y) of a recorded track for the fish to swim."""
+    """csv file (t_unix_s,x,y; of several animals with a column tag) of recorded tracks for the fish to swim."""
     time_scale: Annotated[float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(1)")] = None
-    """How fast it swims that track: 0.5 is half the recorded speed."""
+    """How fast it swims its track: 0.5 is half the recorded speed."""
+    motion: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own)")] = None
+    """How the fish moves instead: momentum, brownian, levy or boat (as --set fish=levy); not with --tracks."""
     particles: int = 1000
     """Particles of the belief."""
 
@@ -45,7 +47,7 @@ class TaskOptions:
 
     def make_options(self) -> dict[str, Any]:
         """The keyword arguments of ``gymnasium.make``."""
-        overrides = parse_overrides([text for group in self.overrides for text in group])
+        overrides = parse_overrides([text for group in self.overrides for text in group], self.motion)
         if "belief.particles" in overrides:
             raise ValueError("the number of particles is set by --particles, not by --set belief.particles")
         return {

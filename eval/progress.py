@@ -1,4 +1,4 @@
-"""A progress bar over env steps, on a terminal only: logs and pipes stay clean."""
+"""A progress bar, over env steps or what else a command counts, on a terminal only: logs and pipes stay clean."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def progress_bar(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Give a function that is told which policy has just done how many env steps, of ``total`` for all."""
+def progress_bar(total: int, unit: str = "steps") -> Iterator[Callable[[str, int], None]]:
+    """Give a function that is told which policy (or stage) has just done how many units, of ``total`` for all."""
     from tqdm import tqdm
 
     running = ""
-    with tqdm(total=total, unit=" steps", unit_scale=True, disable=None, leave=False, dynamic_ncols=True) as bar:
+    with tqdm(total=total, unit=f" {unit}", unit_scale=True, disable=None, leave=False, dynamic_ncols=True) as bar:
 
         def advance(policy: str, steps: int) -> None:
             nonlocal running

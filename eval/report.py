@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tagtrack.eval.metrics import Interval
+from tagtrack.eval.static_array import NAME, is_static_array
 from tagtrack.policies.files import replace_file
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def benchmark_document(
     episodes: int,
     seed: int,
     particles: int,
+    tracks: Mapping[str, Any] | None = None,
     versions: Mapping[str, str],
     policies: Mapping[str, Mapping[str, Interval]],
     ratios: Mapping[str, Interval],
@@ -35,6 +37,7 @@ def benchmark_document(
     """What `benchmark.json` holds; figures are `{"value", "low", "high"}`, null where undefined.
 
     Args:
+        tracks: which recorded animals the fish were (`Task.describe_tracks`).
         policies: figures by policy, in the order of the table (`metrics.summarize`).
         ratios: keyed `FIRST/NAME` (`metrics.ratios_to_first`).
     """
@@ -43,6 +46,7 @@ def benchmark_document(
         "episodes": episodes,
         "seed": seed,
         "particles": particles,
+        "tracks": None if tracks is None else dict(tracks),
         "versions": dict(versions),
         "policies": {
             policy: {figure: interval.to_json() for figure, interval in figures.items()}
@@ -84,7 +88,7 @@ def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
 
 
 def caption(document: Document) -> str:
-    """One line that says what the table was made from and how it is read."""
+    """A few sentences that say what the table was made from and how it is read."""
     text = (
         f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, "
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals over episodes."
@@ -92,6 +96,16 @@ def caption(document: Document) -> str:
     if document["ratios"]:
         first = next(iter(document["policies"]))
         text += f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better."
+    if any(is_static_array(policy) for policy in document["policies"]):
+        text += (
+            f" {NAME} is no policy: four moored receivers about the origin (a square of 200 m, or of the side named) that hear "
+            "every ping, each arrival with an error of 1 ms, and locate it by WLS-ML."
+        )
+    if tracks := document.get("tracks"):
+        text += (
+            f" The fish swim recorded tracks of {tracks['file']} at {tracks['time_scale']:g} times their speed: animals "
+            f"{tracks['animals']}, unbroken stretches {tracks['stretches']}, {tracks['hours']:g} h in all."
+        )
     return text
 
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.metrics import EpisodeRecord
@@ -47,9 +49,29 @@ class Trace:
     covariance: np.ndarray  # (E, K, 2, 2) of the particles [m^2]
 
 
+@runtime_checkable
+class Localizer(Protocol):
+    """What tells where the fish of an episode is without steering a vehicle."""
+
+    def trace(
+        self, task: Task, *, episodes: int, seed: int, threads: int, batch: int, on_step: Callable[[int], None] | None
+    ) -> Trace: ...
+
+
+Contestant = PolicyMaker | Localizer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """What the fish do in E episodes of K steps, whoever tracks them."""
+
+    fish: np.ndarray  # (E, K, 2) positions [m]
+    pinged: np.ndarray  # (E, K) whether the tag pinged within the step
+
+
 def roll_out(
     task: Task,
-    make_policy: PolicyMaker,
+    contestant: Contestant,
     *,
     episodes: int,
     seed: int,
@@ -60,17 +82,20 @@ def roll_out(
     """Run a policy (deterministic) over whole episodes and record localization error and range.
 
     Args:
-        task: scenario and track; one vehicle and one tag. make_policy: is given the batch's ``Simulation``.
+        task: scenario and tracks; one vehicle and one tag.
+        contestant: makes a policy, given the batch's ``Simulation``; or a ``Localizer``, whose record has no range.
         episodes: E. seed: of episode 0. batch: worlds that run at once (results do not depend on it).
         on_step: called with the number of env steps done at each step, for progress bars.
     """
-    record, _ = _run(task, make_policy, episodes, seed, threads, batch, on_step, traced=False)
+    if isinstance(contestant, Localizer):
+        return contestant.trace(task, episodes=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step).record
+    record, _ = _run(task, contestant, episodes, seed, threads, batch, on_step, traced=False)
     return record
 
 
 def trace(
     task: Task,
-    make_policy: PolicyMaker,
+    contestant: Contestant,
     *,
     episodes: int,
     seed: int,
@@ -79,8 +104,40 @@ def trace(
     on_step: Callable[[int], None] | None = None,
 ) -> Trace:
     """As ``roll_out``, keeping paths and beliefs as well (64 bytes and more a step: for few episodes or for statistics)."""
-    record, kept = _run(task, make_policy, episodes, seed, threads, batch, on_step, traced=True)
+    if isinstance(contestant, Localizer):
+        return contestant.trace(task, episodes=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step)
+    record, kept = _run(task, contestant, episodes, seed, threads, batch, on_step, traced=True)
     return Trace(record=record, **kept)
+
+
+def watch_fish(
+    task: Task,
+    *,
+    episodes: int,
+    seed: int,
+    threads: int = 1,
+    batch: int = 128,
+    on_step: Callable[[int], None] | None = None,
+) -> Truth:
+    """The same fish and pings that ``roll_out`` shows a policy: they depend on the episode alone, not on vehicle or belief."""
+    scenario = with_overrides(task.scenario, {"belief.particles": 1})  # nobody looks at the belief
+    fish = np.empty((episodes, scenario.episode_steps, 2))
+    pinged = np.empty((episodes, scenario.episode_steps), bool)
+    for first in range(0, episodes, batch):
+        rows = slice(first, min(first + batch, episodes))
+        simulation = Simulation(scenario, rows.stop - first, threads=threads, tracks=task.tracks)
+        simulation.reset(seed + first)
+        idle = np.zeros((simulation.num_worlds, 1, len(simulation.action_names)), np.float32)
+        last_ping = simulation.worlds.targets["last_ping"][:, 0].copy()
+        for step in range(scenario.episode_steps):
+            simulation.step(idle)
+            fish[rows, step] = simulation.fish_position[:, 0]
+            pinged[rows, step] = simulation.worlds.targets["last_ping"][:, 0] != last_ping
+            last_ping = simulation.worlds.targets["last_ping"][:, 0].copy()
+            if on_step is not None:
+                on_step(simulation.num_worlds)
+        simulation.close()
+    return Truth(fish=fish, pinged=pinged)
 
 
 def _run(
@@ -104,7 +161,7 @@ def _run(
     kept = {name: np.empty((episodes, steps, *shape)) for name, shape in shapes.items()}
     for first in range(0, episodes, batch):
         rows = slice(first, min(first + batch, episodes))
-        simulation = Simulation(task.scenario, rows.stop - first, threads=threads, track=task.track)
+        simulation = Simulation(task.scenario, rows.stop - first, threads=threads, tracks=task.tracks)
         observation = simulation.reset(seed + first)
         policy = make_policy(simulation)
         state, starts = None, np.ones(simulation.num_worlds, bool)

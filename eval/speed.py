@@ -109,7 +109,7 @@ class Speed:
             yield bank.step
             bank.close()
         elif kind == "env":
-            simulation = Simulation(task.scenario, num_worlds, threads=threads, track=task.track)
+            simulation = Simulation(task.scenario, num_worlds, threads=threads, tracks=task.tracks)
             yield step_simulation(simulation, self.seed)
             simulation.close()
         elif kind == "vector":

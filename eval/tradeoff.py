@@ -18,6 +18,7 @@ from tagtrack.eval.plots import TradeoffCurve, plot_tradeoff, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
+from tagtrack.eval.static_array import is_static_array
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("tradeoff.json", "tradeoff.md", "tradeoff.png")
@@ -88,6 +89,8 @@ class Tradeoff:
             joint = "," if ":" in heuristic else ":"
             title = f"{heuristic}, {'perimeters' if parameter == 'perimeter' else 'radii'}"
             curves[title] = {f"{value:g} m": f"{heuristic}{joint}{parameter}={value:.10g}" for value in values}
+        if arrays := [run for run in self.runs if is_static_array(run)]:
+            raise ValueError(f"{arrays[0]} has no vehicle that could keep away; leave it out of --runs")
         if self.runs:
             curves[LEARNED] = name_contestants(self.runs)
         if not any(curves.values()):

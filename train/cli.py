@@ -73,7 +73,7 @@ def build_task_of(config: TrainConfig) -> Any:
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,
-        overrides=parse_overrides(config.set),
+        overrides=parse_overrides(config.set, config.motion),
     )
     if config.validation_episodes < 2:
         raise ValueError(f"--validation-episodes must be at least 2, got {config.validation_episodes}")
@@ -115,7 +115,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,
-        overrides=parse_overrides(config.set),
+        overrides=parse_overrides(config.set, config.motion),
     )
     if resume:
         model = load_model(settings, path, env, config.device)
@@ -128,6 +128,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
                 **to_json(dataclasses.replace(config, out=folder.path)),
                 "settings": dataclasses.asdict(settings),
                 "scenario": describe_scenario(task.scenario),
+                "replayed": task.describe_tracks(),
             },
         )
         folder.write_json("versions.json", collect_versions())

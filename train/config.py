@@ -34,9 +34,11 @@ class TrainConfig:
     particles: int | None = None
     """Particles of the filter; default the environment's (1000)."""
     tracks: Path | None = None
-    """A csv file (t_unix_s,x,y) of a recorded track for the fish to swim."""
+    """A csv file (t_unix_s,x,y; of several animals with a column tag) of recorded tracks for the fish to swim."""
     time_scale: float | None = None
-    """How fast it swims the track; 0.5 is half the recorded speed."""
+    """How fast it swims its track; 0.5 is half the recorded speed."""
+    motion: str | None = None
+    """How the fish moves instead: momentum, brownian, levy or boat (as --set fish=levy); not with --tracks."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
     """Parameters of the scenario, for instance water.noisy_share=0.3 reward.standoff=2."""
     hyper: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
@@ -94,9 +96,11 @@ class SACSettings:
 Settings = PPOSettings | SACSettings
 
 # Where an environment wants other values than an algorithm's own.
-AREA_ONLY = PPOSettings(steps=3_000_000, gamma=0.99, ahead=0.0)  # to pursue is the worst there is where only the edge tells
+# To pursue is the worst there is where only the edge tells; long episodes, of which few are lost, want large batches.
+AREA_ONLY = PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0)
 SETTINGS: dict[tuple[str, str], Settings] = {
-    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(gamma=0.98),
+    ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
+    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=4_000_000, gamma=0.98),
     ("TagTrack/AreaOnly-v0", "ppo"): AREA_ONLY,
     ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): AREA_ONLY,
 }
@@ -152,8 +156,8 @@ def from_json(path: Path) -> TrainConfig:
         raise ValueError(f"{path}: not a JSON file ({error})") from None
     if not isinstance(plain, dict):
         raise ValueError(f"{path}: must hold an object of settings, got {type(plain).__name__}")
-    plain.pop("settings", None)
-    plain.pop("scenario", None)
+    for told in ("settings", "scenario", "replayed"):  # what a run made of its config
+        plain.pop(told, None)
     known = {field.name: field for field in dataclasses.fields(TrainConfig)}
     unknown = sorted(set(plain) - set(known))
     if unknown:

@@ -56,7 +56,7 @@ class TagTrackVecEnv(VecEnv):
             scenario=scenario,
         )
         require_single(task.scenario, "TagTrackVecEnv")
-        self.simulation = Simulation(task.scenario, num_envs, threads=threads, track=task.track)
+        self.simulation = Simulation(task.scenario, num_envs, threads=threads, tracks=task.tracks)
         self.render_mode = None  # the base class asks for it
         super().__init__(self.simulation.num_worlds, observation_space(task.scenario), action_space(task.scenario))
         self.episode_limit = episode_limit(task.scenario, max_episode_steps)

@@ -33,7 +33,7 @@ def cramer_rao_bound(
         raise ValueError(f"position must be (..., {places.shape[1]}) as the receivers are, got shape {where.shape}")
     matrix = arrival_information(np.ones(len(places), dtype=bool), setting.sigma) if information is None else information
     covariance = inverse_or_nan(fisher_information(where, places, setting.sound_speed, matrix))
-    known = np.isfinite(where).all(axis=-1)[..., None, None]
+    known = np.isfinite(np.linalg.norm(where, axis=-1))[..., None, None]
     return np.where(known & np.isnan(covariance), np.inf, covariance)
 
 

@@ -17,6 +17,7 @@ from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, P
 
 REWEIGHTINGS = 2  # Chan and Ho repeat the first step once or twice with the ranges it gave
 PROJECTIONS = 3
+OPEN = 0.25  # spans of the array: standard deviation of r_0 from which the cone alone tells it
 
 
 def weighted_least_squares(
@@ -59,7 +60,7 @@ def solve_in_closed_form(likelihood: Likelihood, sigma: float) -> Floats:
     position = np.where(
         equations.is_open(likelihood.span)[:, None], likelihood.choose(crossings), origin + equations.project(offset)
     )
-    known = likelihood.known_differences()
+    known = likelihood.known_differences
     linked = (known >= likelihood.dimensions) & (known == used.sum(axis=1) - 1)
     return np.where(linked[:, None], position, np.nan)
 
@@ -78,8 +79,8 @@ class _Equations(NamedTuple):
         return self.foot + self.slope * reference_range[:, None]
 
     def is_open(self, span: float) -> NDArray[np.bool_]:
-        """(K,): whether r_0 is known to no better than the size of the array."""
-        return ~(self.range_information > span**-2)
+        """(K,): whether r_0 is hardly known, where the projection may slide along the line to the wrong crossing."""
+        return ~(self.range_information > (OPEN * span) ** -2)
 
     def cross(self) -> tuple[Floats, Floats]:
         """Where the line meets the cone r_0 = |q - b_0| > 0: two crossings (K, n), NaN where there is none."""

@@ -38,6 +38,15 @@ class Detections:
         )
 
 
+def time_resolution(time: Floats) -> float:
+    """Step in which times (D,) were written: the coarsest of 1, 0.1 ... 0.0001 s that all are multiples of; 0 for a finer one."""
+    for digits in range(5):
+        scaled = time * 10.0**digits
+        if np.all(np.abs(scaled - np.round(scaled)) < 0.01):
+            return float(10.0**-digits)
+    return 0.0
+
+
 def shorten(names: tuple[str, ...], most: int = 12) -> str:
     """Names as an error message lists them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

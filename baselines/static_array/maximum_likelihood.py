@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtri
 
 from tagtrack.baselines.static_array.closed_form import solve_in_closed_form
-from tagtrack.baselines.static_array.likelihood import Derivatives, Likelihood, make_likelihood
+from tagtrack.baselines.static_array.likelihood import Derivatives, Likelihood, make_likelihood, pings_last
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.robust import reweigh
 
@@ -85,7 +85,7 @@ def start_places(likelihood: Likelihood) -> Floats:
 def _refine(likelihood: Likelihood, start: Floats) -> Floats:
     """Descents from given positions (K, n), and a search where there is none or the fit is one that noise hardly gives."""
     estimate = _descend(likelihood, start)
-    spare = likelihood.known_differences() - likelihood.dimensions
+    spare = likelihood.known_differences - likelihood.dimensions
     worst = np.where(spare > 0, 0.5 * chdtri(np.maximum(spare, 1), IMPLAUSIBLE), 1e-6)
     poor = np.flatnonzero((spare >= 0) & ~(likelihood.cost(estimate) <= worst))
     part = likelihood.take(poor)
@@ -104,7 +104,7 @@ def _search(likelihood: Likelihood, starts: int) -> Floats:
 def _descend(likelihood: Likelihood, start: Floats) -> Floats:
     """Minima of the cost (K, n) from starts (K, n); NaN from NaN, where too little is known, and where they run away."""
     estimate = np.full_like(start, np.nan)
-    able = np.isfinite(start).all(axis=1) & (likelihood.known_differences() >= likelihood.dimensions)
+    able = np.isfinite(start).all(axis=1) & (likelihood.known_differences >= likelihood.dimensions)
     rows = np.flatnonzero(able)
     for first in range(0, len(rows), AT_ONCE):
         some = rows[first : first + AT_ONCE]
@@ -129,7 +129,7 @@ def _newton(likelihood: Likelihood, start: Floats) -> Floats:
         damping = np.where(better, np.where(damping > FIRST_DAMPING, damping / 10, 0.0), np.fmax(damping * 10, FIRST_DAMPING))
         result[active] = position
         away = np.linalg.norm(position - likelihood.centre, axis=1) > FARTHEST * likelihood.span
-        going = (np.linalg.norm(step, axis=1) > SHORTEST_STEP) & ~away
+        going = ~(np.linalg.norm(step, axis=1) <= SHORTEST_STEP) & ~away
         if not going.any():
             break
         if not going.all():
@@ -140,18 +140,27 @@ def _newton(likelihood: Likelihood, start: Floats) -> Floats:
 
 def _step(now: Derivatives, damping: Floats, longest: float) -> Floats:
     """Newton steps (N, n) where the Hessian is positive definite, else Gauss-Newton; none longer than ``longest`` [m]."""
-    hessian = now.information + now.bending
-    curvature = np.where(_is_positive(hessian)[:, None, None], hessian, now.information)
-    count = now.gradient.shape[1]
-    mean = np.trace(now.information, axis1=1, axis2=2) / count
-    ridge = (damping + 1e-9) * mean + 1e-30
-    step = -np.linalg.solve(curvature + ridge[:, None, None] * np.eye(count), now.gradient[..., None])[..., 0]
-    length = np.linalg.norm(step, axis=1)
-    return step * np.minimum(1.0, longest / np.maximum(length, 1e-30))[:, None]
+    gradient, information = pings_last(now.gradient), pings_last(now.information)
+    count = len(gradient)
+    ridge = ((damping + 1e-9) * np.trace(information) / count + 1e-30) * np.eye(count)[..., None]
+    newton, positive = _solve(information + pings_last(now.bending) + ridge, gradient)
+    step = -np.where(positive, newton, _solve(information + ridge, gradient)[0])
+    return (step * np.minimum(1.0, longest / np.maximum(np.linalg.norm(step, axis=0), 1e-30))).T
 
 
-def _is_positive(matrix: Floats) -> NDArray[np.bool_]:
-    """(N,): whether symmetric matrices (N, n, n) are positive definite (Sylvester's criterion), n = 2 or 3."""
-    minor = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] ** 2
-    positive = (matrix[:, 0, 0] > 0) & (minor > 0)
-    return positive if matrix.shape[1] == 2 else positive & (np.linalg.det(matrix) > 0)
+def _solve(matrix: Floats, vector: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """Solutions (n, N) of symmetric systems (n, n, N), pings last, and which matrices are positive definite (N,).
+
+    Elimination without pivoting: sound where a matrix is positive definite, and worthless elsewhere.
+    """
+    left, right = matrix.copy(), vector.copy()
+    count = len(right)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for row in range(count):
+            for below in range(row + 1, count):
+                factor = left[below, row] / left[row, row]
+                left[below] -= factor * left[row]
+                right[below] -= factor * right[row]
+        for row in reversed(range(count)):
+            right[row] = (right[row] - np.einsum("mk,mk->k", left[row, row + 1 :], right[row + 1 :])) / left[row, row]
+    return right, (np.einsum("mmk->mk", left) > 0).all(axis=0)

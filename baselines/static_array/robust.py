@@ -6,6 +6,8 @@ no such weights; its remark that the particle filter and ML suffer from outliers
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from tagtrack.baselines.static_array.likelihood import Likelihood
@@ -37,7 +39,7 @@ def reweigh(nominal: Likelihood, current: Likelihood, variance: Floats, position
         weight = np.minimum((DEGREES_OF_FREEDOM + 1) / (DEGREES_OF_FREEDOM + squared), 1.0)
         added = nominal_variance * (1.0 / weight - 1.0)
     added = np.where(np.isfinite(added), added, variance)
-    return nominal.with_information(add_variance(nominal.information, added)), added
+    return replace(nominal, information=add_variance(nominal.information, added)), added
 
 
 def add_variance(information: Floats, variance: Floats) -> Floats:

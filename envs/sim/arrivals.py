@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tagtrack.envs.sim.csv_table import Row, open_csv, shown
 
 ARRIVAL_COLUMNS = ("t_s", "code")
 
@@ -46,49 +47,27 @@ def read_arrivals(path: str | Path) -> Arrivals:
             fall, or the same code twice at one time; the message names file and line.
         FileNotFoundError: where there is no such file.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no arrival file {path}; give a csv with columns {','.join(ARRIVAL_COLUMNS)}")
     rows: list[tuple[float, int]] = []
     heard: dict[int, float] = {}  # the last time of each code
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            names = reader.fieldnames or ["nothing"]
-            if not set(ARRIVAL_COLUMNS) <= set(names):
-                raise ValueError(
-                    f"{path}: line 1 must name the columns {','.join(ARRIVAL_COLUMNS)}, got {','.join(names)}"
-                )
-            for line in reader:
-                where = f"{path}: line {reader.line_num}"
-                time, code = _read_time(line["t_s"], where), _read_code(line["code"], where)
-                _require_later(time, rows[-1][0] if rows else -math.inf, code, heard, where)
-                rows.append((time, code))
-                heard[code] = time
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: not a csv text file ({error})") from None
+    with open_csv(path, "arrival", ARRIVAL_COLUMNS) as table:
+        for row in table.rows(ARRIVAL_COLUMNS):
+            time, code = row.number("t_s"), _read_code(row)
+            _require_later(time, rows[-1][0] if rows else -math.inf, code, heard, row.where)
+            rows.append((time, code))
+            heard[code] = time
     if not rows:
         raise ValueError(f"{path} holds no arrivals; give one row for each code that was heard")
     return Arrivals(np.array([time for time, _ in rows]), np.array([code for _, code in rows], dtype=np.int64))
 
 
-def _read_time(text: str | None, where: str) -> float:
+def _read_code(row: Row) -> int:
+    text = row.field["code"]
     try:
-        time = float(text or "")
-    except ValueError:
-        raise ValueError(f"{where}: t_s must be a number of seconds, got {text!r}") from None
-    if not math.isfinite(time):
-        raise ValueError(f"{where}: t_s must be finite, got {text!r}; leave out what was not heard")
-    return time
-
-
-def _read_code(text: str | None, where: str) -> int:
-    try:
-        code = int(text or "")
+        code = int(text)
     except ValueError:
         code = -1
     if not 0 <= code < 2**31:
-        raise ValueError(f"{where}: code must be a whole number from 0 to {2**31 - 1}, got {text!r}")
+        raise ValueError(f"{row.where}: code must be a whole number from 0 to {2**31 - 1}, got {shown(text)}")
     return code
 
 

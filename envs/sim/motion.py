@@ -21,6 +21,7 @@ from tagtrack.envs.kernels.motion_loops import (
     scatter_velocities,
 )
 from tagtrack.envs.kernels.random import bits_to_normals, fill_bits
+from tagtrack.envs.sim.tracks import LONGEST_GAP
 from tagtrack.envs.sim.validation import require, settle_numbers
 
 f32 = np.float32
@@ -135,16 +136,18 @@ class StraightAndIdle:
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """A recorded track moves the true fish (``TrackTable``); never a model for particles.
+    """Recorded tracks move the true fish (``replay.py``); never a model for particles.
 
-    Each episode takes a random stretch of the track, turned by a random angle.
+    Each episode takes a random stretch of a track, turned by a random angle.
     """
 
-    time_scale: float = 1.0  # 0.5 lets the animal swim its track at half the recorded speed
+    time_scale: float = 1.0  # 0.5 lets an animal swim its track at half the recorded speed
+    longest_gap: float = LONGEST_GAP  # between two rows of a track [s]; a longer one cuts it, and no episode crosses a cut
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        require(self.time_scale > 0, self, "time_scale", "positive")
+        for name in ("time_scale", "longest_gap"):
+            require(getattr(self, name) > 0, self, name, "positive")
 
     def rule(self, time_step: float) -> MotionRule:
         return MotionRule(kind=int(MotionKind.REPLAY), max_speed=0.0)

@@ -32,12 +32,12 @@ class Tag:
 
 # Per tag: its first ping, its last and, where intervals are random, its next one [s] and how many there were; the depth at which
 # its fish swims [m], how far and how often a presence receiver hears it in this episode [m; share]. For a replay the row of the
-# track at which the episode begins, the angle by which the track is turned and the place at which the fish starts; for straight
-# legs the time at which the next one begins [s] and how many there were.
+# table at which the episode begins and the one with which its stretch ends, the angle by which the track is turned and the place
+# at which the fish starts; for straight legs the time at which the next one begins [s] and how many there were.
 TARGET = np.dtype(
     [(name, np.float64) for name in ("first_ping", "last_ping", "next_ping", "depth", "max_range", "reception")]
     + [("pings", np.int64), ("start_row", np.int64), ("turn", np.float64), ("start_x", np.float64), ("start_y", np.float64)]
-    + [("leg_end", np.float64), ("legs", np.int64)]
+    + [("end_row", np.int64), ("leg_end", np.float64), ("legs", np.int64)]
 )
 
 

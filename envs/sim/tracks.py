@@ -1,117 +1,96 @@
-"""Recorded tracks as targets: reading, checking and resampling; and the row loop that replays them.
+"""Recorded tracks as files and as arrays: one or many animals, read, checked and split into training and held-out animals.
 
-A file is a csv with columns ``t_unix_s,x,y`` (seconds, metres in any plane coordinates).
+A file is a csv with columns ``t_unix_s,x,y`` (seconds, metres in any plane coordinates) and, where it holds more than one
+animal, ``tag``. Gaps need no mark: ``replay.py`` cuts tracks where they last too long.
 """
 
 from __future__ import annotations
 
-import csv
-import math
+import hashlib
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import TRACK, uniform_pair
+from tagtrack.envs.sim.csv_table import CsvTable, open_csv
 
 COLUMNS = ("t_unix_s", "x", "y")
-LONGEST_GAP = 120.0  # s: interpolating across more would invent a track
+TAG_COLUMN = "tag"
+# Interpolating across a longer gap would invent a track [s]. It suits slow animals whose tags ping every 60-120 s and that are
+# located from windows of up to 600 s: one window may be followed late, none may be missing.
+LONGEST_GAP = 900.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Track:
-    """A recorded track: ``time`` (K,) [s], rising; ``position`` (K, 2) [m]."""
+    """The recorded track of one animal, gaps and all: ``time`` (K,) [s], rising; ``position`` (K, 2) [m]; its tag's name."""
 
     time: np.ndarray
     position: np.ndarray
+    tag: str = ""  # empty for the only animal of a file without the column
 
 
-def read_track(path: str | Path) -> Track:
-    """Read a track from a csv file.
+def read_tracks(path: str | Path) -> tuple[Track, ...]:
+    """Read the tracks of a csv file, one for each tag, in the order in which the tags first appear. Tags may be interleaved.
 
     Raises:
-        ValueError: for missing columns, empty files, values that are not finite numbers, times that do not rise, or a gap of
-            more than ``LONGEST_GAP``; the message names file and line.
+        ValueError: for missing columns, fewer than two rows, an empty tag, values that are not finite numbers, or times that do
+            not rise from one row of a tag to its next; the message names file and line.
         FileNotFoundError: where there is no such file.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"no track file {path}; give a csv with columns {','.join(COLUMNS)}")
-    rows: list[tuple[float, float, float]] = []
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            if not set(COLUMNS) <= set(reader.fieldnames or ()):
-                raise ValueError(f"{path}: line 1 must name the columns {','.join(COLUMNS)}, got {reader.fieldnames}")
-            for line in reader:
-                rows.append(_read_row(line, rows[-1] if rows else None, f"{path}: line {reader.line_num}"))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ValueError(f"{path}: not a csv text file ({error})") from None
-    if len(rows) < 2:
-        raise ValueError(f"{path}: a track needs at least two rows, got {len(rows)}")
-    table = np.array(rows)
-    return Track(time=table[:, 0], position=table[:, 1:])
+    with open_csv(path, "track", COLUMNS) as table:
+        tracks = collect_tracks(table, ("x", "y"))
+    if sum(track.time.size for track in tracks) < 2:
+        raise ValueError(f"{path}: a track needs at least two rows, got {sum(track.time.size for track in tracks)}")
+    return tracks
 
 
-def _read_row(line: dict[str, str], before: tuple[float, float, float] | None, where: str) -> tuple[float, float, float]:
-    values = []
-    for column in COLUMNS:
-        try:
-            value = float(line[column])
-        except (TypeError, ValueError):
-            raise ValueError(f"{where}: {column} must be a number, got {line[column]!r}") from None
-        if not math.isfinite(value):
-            raise ValueError(f"{where}: {column} must be finite, got {line[column]!r}")
-        values.append(value)
-    if before is not None and values[0] <= before[0]:
-        raise ValueError(f"{where}: times must rise, got {values[0]:.3f} after {before[0]:.3f}; sort the file")
-    if before is not None and values[0] - before[0] > LONGEST_GAP:
-        gap = values[0] - before[0]
-        raise ValueError(f"{where}: a gap of {gap:.0f} s (at most {LONGEST_GAP:.0f} s); split the file there")
-    return values[0], values[1], values[2]
-
-
-def resample_track(track: Track, time_step: float, time_scale: float, episode_steps: int) -> np.ndarray:
-    """Positions (K, 2) [m] at every step of an animal that swims its track at ``time_scale`` times the recorded speed.
+def collect_tracks(table: CsvTable, axes: tuple[str, str]) -> tuple[Track, ...]:
+    """The tracks of an open table, positions from its columns ``axes``; one without a name where there is no column ``tag``.
 
     Raises:
-        ValueError: where the track is too short for one episode.
+        ValueError: as ``read_tracks``, but for the number of rows.
     """
-    step = time_step * time_scale
-    count = int((track.time[-1] - track.time[0]) / step + 1e-9) + 1
-    if count < episode_steps + 1:
-        lasts = (track.time[-1] - track.time[0]) / time_scale
-        raise ValueError(
-            f"the track lasts {lasts:.0f} s at time_scale={time_scale:g}, an episode {episode_steps * time_step:.0f} s; "
-            f"lower time_scale or episode_steps"
-        )
-    times = track.time[0] + step * np.arange(count)
-    return np.stack([np.interp(times, track.time, track.position[:, k]) for k in range(2)], axis=1)
+    animals: dict[str, list[tuple[float, float, float]]] = {}
+    tagged = TAG_COLUMN in table.columns
+    for row in table.rows((*((TAG_COLUMN,) if tagged else ()), "t_unix_s", *axes)):
+        fixes = animals.setdefault(row.name(TAG_COLUMN) if tagged else "", [])
+        time = row.number("t_unix_s")
+        if fixes and time <= fixes[-1][0]:
+            order = f"sort the file, and tell several animals apart in a column {TAG_COLUMN}"
+            raise ValueError(f"{row.where}: times must rise, got {time:.3f} after {fixes[-1][0]:.3f}; {order}")
+        fixes.append((time, row.number(axes[0]), row.number(axes[1])))
+    rows = {tag: np.array(fixes) for tag, fixes in animals.items()}
+    return tuple(Track(time=fixes[:, 0], position=fixes[:, 1:], tag=tag) for tag, fixes in rows.items())
 
 
-@compiled
-def begin_replay(target, fish, stream, t, track, episode_steps):
-    """Choose the stretch of the track and the angle by which it is turned; the fish stands at its starting place."""
-    place, turn = uniform_pair(stream, TRACK, t)
-    target.start_row = int(place * (track.shape[0] - episode_steps))
-    target.turn = 2.0 * math.pi * turn
-    target.start_x = np.float64(fish[0, 0])
-    target.start_y = np.float64(fish[1, 0])
+def split_tracks(
+    tracks: Sequence[Track], held_out: float = 0.25, seed: int = 0
+) -> tuple[tuple[Track, ...], tuple[Track, ...]]:
+    """Training and held-out animals: whole animals, so that a policy is judged on animals it never met.
 
+    Animals are ranked by a hash (SHA-256) of seed and tag: the same split on every machine, whatever the order of the tracks.
 
-@compiled
-def follow_track(target, fish, track, step, time_step):
-    """Put the fish (4, 1) where the turned track has it after ``step`` steps; beyond the end it rests."""
-    row = min(target.start_row + step, track.shape[0] - 1)
-    dx = track[row, 0] - track[target.start_row, 0]
-    dy = track[row, 1] - track[target.start_row, 1]
-    x = target.start_x + math.cos(target.turn) * dx - math.sin(target.turn) * dy
-    y = target.start_y + math.sin(target.turn) * dx + math.cos(target.turn) * dy
-    step_x = x - np.float64(fish[0, 0])
-    step_y = y - np.float64(fish[1, 0])
-    fish[0, 0] = x
-    fish[1, 0] = y
-    if step_x != 0.0 or step_y != 0.0:
-        fish[2, 0] = math.atan2(step_y, step_x)
-    fish[3, 0] = math.sqrt(step_x * step_x + step_y * step_y) / time_step
+    Args:
+        tracks: one for each animal, as ``read_tracks`` gives them.
+        held_out: share of the animals to hold out; at least one animal is held out and at least one is kept.
+        seed: another number, another split.
+    Returns:
+        the two parts, each in the given order.
+    Raises:
+        ValueError: for a share outside (0, 1), a tag that occurs twice, or fewer than two animals.
+    """
+    if not 0.0 < held_out < 1.0:
+        raise ValueError(f"held_out must be a share between 0 and 1, got {held_out!r}")
+    tags = [track.tag for track in tracks]
+    tag, times = Counter(tags).most_common(1)[0] if tags else ("", 0)
+    if times > 1:
+        raise ValueError(f"each animal must come once, got {times} tracks of tag {tag!r}")
+    if len(tags) < 2:
+        raise ValueError(f"there must be two animals or more to hold one out, got {len(tags)}")
+    ranked = sorted(tags, key=lambda tag: hashlib.sha256(f"{seed}:{tag}".encode()).digest())
+    chosen = set(ranked[: min(max(round(held_out * len(tags)), 1), len(tags) - 1)])
+    kept = tuple(track for track in tracks if track.tag not in chosen)
+    return kept, tuple(track for track in tracks if track.tag in chosen)

@@ -7,9 +7,19 @@ from typing import Annotated
 
 import tyro
 
+from tagtrack.eval.array.locate import Locate
 from tagtrack.eval.array.simulate import Simulate
+from tagtrack.eval.array.survey import Survey
+from tagtrack.eval.array.sync import Sync
+from tagtrack.eval.array.tracks import Tracks
 
-Step = Annotated[Simulate, tyro.conf.subcommand("simulate")]
+Step = (
+    Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Sync, tyro.conf.subcommand("sync")]
+    | Annotated[Survey, tyro.conf.subcommand("survey")]
+    | Annotated[Locate, tyro.conf.subcommand("locate")]
+    | Annotated[Tracks, tyro.conf.subcommand("tracks")]
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,7 +35,7 @@ def repeat(
     scene: Scene,
     noises: Sequence[Noise],
     methods: Mapping[str, Estimator],
-    setting: Callable[[Noise], ArraySetting],
+    settings: Mapping[Noise, ArraySetting],
     *,
     runs: int,
     seed: int,
@@ -48,7 +48,7 @@ def repeat(
     found: dict[Noise, dict[str, Outcome]] = {}
     count = len(scene.position)
     for method in methods.values():  # what a first call alone does is no part of the times
-        method(scene.draw_pings(noises[0], np.random.default_rng(seed)), scene.receivers, setting(noises[0]))
+        method(scene.draw_pings(noises[0], np.random.default_rng(seed)), scene.receivers, settings[noises[0]])
     for noise in noises:
         error = {name: np.full((runs, count), np.nan) for name in methods}
         seconds = {name: np.full(runs, np.nan) for name in methods}
@@ -57,7 +57,7 @@ def repeat(
             pings = scene.draw_pings(noise, np.random.default_rng(key))
             for name, method in methods.items():
                 begun = time.process_time()
-                positions = method(pings, scene.receivers, setting(noise))
+                positions = method(pings, scene.receivers, settings[noise])
                 seconds[name][run] = (time.process_time() - begun) / count
                 error[name][run] = np.linalg.norm(positions.position - scene.position, axis=1)
                 advance(name, count)

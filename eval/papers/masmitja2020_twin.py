@@ -79,7 +79,7 @@ def told_of(reception: float) -> Belief:
 def iterate(scenario: Scenario, iterations: int, setting: Setting, radius: float = RADIUS) -> Floats:
     """Localization error (iterations, steps) [m] of a vehicle that circles its estimate at a radius [m]."""
     record = roll_out(
-        Task(scenario=scenario, track=None),
+        Task(scenario=scenario, tracks=None),
         lambda simulation: make_baseline(f"circle:{radius}", simulation),
         episodes=iterations,
         seed=setting.seed,

@@ -299,7 +299,7 @@ def replay(track, worlds=64, time_scale=1.0, time_step=1.0, seed=0):
         episode_steps=STEPS,
         time_step=time_step,
     )
-    simulation = Simulation(scenario, worlds, track=track)
+    simulation = Simulation(scenario, worlds, tracks=[track])
     simulation.reset(seed=seed)
     path = [simulation.fish_position[:, 0].copy()]
     for _ in range(STEPS):

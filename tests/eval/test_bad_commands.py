@@ -56,6 +56,10 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--set", "vehicles=3"), "got vehicles=3"),
         (("--tracks", "none.csv"), "no track file none.csv"),
         (("--time-scale", "0.5"), "add tracks=FILE"),
+        (("--motion", "swift"), "fish must be one of momentum, brownian, levy, boat, got 'swift'"),
+        (("--motion", "levy", "--set", "fish=boat"), "the motion of the fish is set twice, to levy and to boat; drop one"),
+        (("--motion", "levy", "--tracks", "a.csv"), "either the tracks of a.csv or by a motion (fish=levy); drop one"),
+        (("--policies", "static_array:far"), "baseline must be a number of metres, got 'far'"),
     ],
 )
 def test_benchmark_names_the_value_and_the_way_out(refused, arguments, complaint):
@@ -74,7 +78,9 @@ def test_benchmark_names_the_value_and_the_way_out(refused, arguments, complaint
         (("tradeoff", *SHORT, "--heuristics", "random"), "random has neither a perimeter nor a radius"),
         (("tradeoff", *SHORT, "--heuristics"), "name at least one policy"),
         (("tradeoff", *SHORT, "--runs", "missing"), "unknown policy 'missing'"),
+        (("tradeoff", *SHORT, "--runs", "static_array"), "static_array has no vehicle that could keep away"),
         (("consistency", *SHORT, "--policy", "zigzag"), "unknown policy 'zigzag'"),
+        (("consistency", *SHORT, "--policy", "static_array"), "static_array steers no vehicle"),
         (("speed", "--num-worlds", "0"), "--num-worlds must be whole numbers of at least 1"),
         (("speed", "--threads", "-1"), "--threads must be whole numbers of at least 1"),
         (("speed", "--rounds", "0"), "--rounds must be at least 1"),

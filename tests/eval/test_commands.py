@@ -44,7 +44,7 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     ]  # fmt: skip
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in out.glob("*.png"))
     result = read_json(out / "benchmark.json")
-    assert list(result) == ["env", "episodes", "seed", "particles", "versions", "policies", "ratios"]
+    assert list(result) == ["env", "episodes", "seed", "particles", "tracks", "versions", "policies", "ratios"]
     assert result["env"] == "TagTrack/LeopardShark-v0"
     assert (result["episodes"], result["seed"], result["particles"]) == (6, 5, PARTICLES)
     assert {"tagtrack", "commit", "python", "numpy", "numba"} <= set(result["versions"])
@@ -84,6 +84,30 @@ def test_benchmark_runs_on_a_recorded_track(evaluate, tmp_path):
     command = ("benchmark", *SHORT, "--tracks", tmp_path / "track.csv", "--time-scale", "0.5", "--policies", "circle")
     assert evaluate(*command, "--out", tmp_path / "out")[0] == 0
     assert read_json(tmp_path / "out/config.json")["time_scale"] == 0.5
+
+
+def test_results_say_which_animals_were_replayed(tmp_path):
+    """A herd of two lobsters that crawl 1 cm/s, a row every five minutes; one of them is lost for three hours."""
+    spans = (("65001", 0, 14_400), ("65002", 0, 7_200), ("65002", 18_000, 25_200))
+    rows = [(tag, t) for tag, first, last in spans for t in range(first, last + 1, 300)]
+    (tmp_path / "herd.csv").write_text("tag,t_unix_s,x,y\n" + "".join(f"{tag},{t},{0.01 * t},0\n" for tag, t in rows))
+    arguments = ("--tracks", "herd.csv", "--time-scale", "20", "--policies", "pursuit", "static_array", "--out", "out")
+    done = run_eval("benchmark", *SHORT, *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = {"file": "herd.csv", "animals": 2, "stretches": 3, "hours": 8.0, "time_scale": 20.0, "longest_gap": 900.0}
+    assert read_json(tmp_path / "out/benchmark.json")["tracks"] == told
+    assert read_json(tmp_path / "out/config.json")["replayed"] == told
+    line = "recorded tracks of herd.csv at 20 times their speed: animals 2, unbroken stretches 3, 8 h in all."
+    assert line in (tmp_path / "out/table.md").read_text()
+    assert line in " ".join(done.stdout.split())
+
+
+def test_motion_is_the_short_form_of_setting_the_fish(evaluate, tmp_path):
+    for name, arguments in (("short", ("--motion", "levy")), ("long", ("--set", "fish=levy")), ("own", ())):
+        assert evaluate("benchmark", *SHORT, *arguments, "--policies", "pursuit", "--out", tmp_path / name)[0] == 0
+    short, long, own = (read_json(tmp_path / name / "benchmark.json")["policies"] for name in ("short", "long", "own"))
+    assert short == long != own
+    assert read_json(tmp_path / "short/config.json")["overrides"]["fish"] == "levy"
 
 
 def test_default_folder_is_under_runs(evaluate, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from tagtrack.eval.metrics import EpisodeRecord, Interval, ratios_to_first, summ
 from tagtrack.eval.report import benchmark_document, console_table, markdown_table, table_rows, write_benchmark
 
 
-def document(*, perimeter=math.nan, names=("three_step", "circle:40")):
+def document(*, perimeter=math.nan, names=("three_step", "circle:40"), tracks=None):
     errors = {name: [[6.0 / (i + 1)] * 4, [8.0 / (i + 1)] * 4] for i, name in enumerate(names)}
     records = {name: EpisodeRecord(error=error, range=[[10.0] * 4, [30.0] * 4]) for name, error in errors.items()}
     return benchmark_document(
@@ -18,6 +18,7 @@ def document(*, perimeter=math.nan, names=("three_step", "circle:40")):
         episodes=2,
         seed=0,
         particles=4000,
+        tracks=tracks,
         versions={"tagtrack": "0.1.0"},
         policies={name: summarize(record, perimeter=perimeter, lost_error=5.0) for name, record in records.items()},
         ratios=ratios_to_first(records),
@@ -26,7 +27,7 @@ def document(*, perimeter=math.nan, names=("three_step", "circle:40")):
 
 def test_document_has_the_layout_of_benchmark_json():
     made = document()
-    assert list(made) == ["env", "episodes", "seed", "particles", "versions", "policies", "ratios"]
+    assert list(made) == ["env", "episodes", "seed", "particles", "tracks", "versions", "policies", "ratios"]
     assert list(made["policies"]) == ["three_step", "circle:40"]
     assert made["policies"]["three_step"]["mean_error_m"] == {"value": 7.0, "low": 6.0, "high": 8.0}
     assert made["policies"]["three_step"]["inside_perimeter"] == {"value": None, "low": None, "high": None}
@@ -65,6 +66,15 @@ def test_markdown_is_one_table_with_as_many_cells_in_every_row():
     cells = [line.replace(r"\|", "").count("|") for line in lines[:4]]
     assert len(set(cells)) == 1
     assert "2 paired episodes of TagTrack/LeopardShark-v0, seed 0, 4000 particles" in lines[5]
+
+
+def test_caption_tells_which_animals_were_replayed():
+    tracks = {"file": "training.csv", "animals": 12, "stretches": 310, "hours": 1234.5, "time_scale": 20.0, "longest_gap": 900.0}
+    told = "recorded tracks of training.csv at 20 times their speed: animals 12, unbroken stretches 310, 1234.5 h in all."
+    assert markdown_table(document(tracks=tracks)).rstrip().endswith(told)
+    old = document()
+    del old["tracks"]  # as files of earlier versions
+    assert "tracks" not in markdown_table(old)
 
 
 def test_console_shows_a_name_with_brackets_as_it_is():

@@ -56,6 +56,24 @@ def test_the_same_seed_gives_the_same_policy(trained, tmp_path):
     assert (tmp_path / "again" / "policy.safetensors").read_bytes() == (run / "policy.safetensors").read_bytes()
 
 
+def test_a_run_on_a_herd_says_which_animals_it_learned_from(tmp_path):
+    rows = "".join(f"{tag},{t},{0.01 * t},0\n" for tag in ("a", "b") for t in range(0, 3601, 300))
+    (tmp_path / "herd.csv").write_text("tag,t_unix_s,x,y\n" + rows)
+    herd = ["--tracks", "herd.csv", "--time-scale", "20"]
+    done = train(tmp_path, "--steps", "400", "--hyper", "rollout=256", *SMALL, *herd, "--out", "run")
+    assert done.returncode == 0, done.stderr
+    told = {"file": "herd.csv", "animals": 2, "stretches": 2, "hours": 2.0, "time_scale": 20.0, "longest_gap": 900.0}
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["replayed"] == told
+    again = train(tmp_path, "--resume", "run", "--steps", "700")
+    assert again.returncode == 0, again.stderr
+
+
+def test_a_run_learns_on_another_motion(tmp_path):
+    done = train(tmp_path, "--steps", "300", "--hyper", "rollout=256", *SMALL, "--motion", "levy", "--out", "run")
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["scenario"]["fish"]["kind"] == "LevyFlight"
+
+
 def test_a_finished_run_can_be_trained_on(trained, tmp_path):
     run = tmp_path / "run"
     shutil.copytree(trained[0], run)
@@ -109,6 +127,8 @@ def wait_for_checkpoint(run: Path, process: subprocess.Popen) -> None:
         (["--hyper", "momentum=1"], "unknown hyper-parameter 'momentum' of ppo; known: rollout"),
         (["--tracks", "absent.csv"], "no track file absent.csv"),
         (["--time-scale", "0.5"], "add tracks=FILE"),
+        (["--motion", "swift"], "fish must be one of momentum, brownian, levy, boat, got 'swift'"),
+        (["--motion", "levy", "--tracks", "absent.csv"], "either the tracks of absent.csv or by a motion (fish=levy)"),
         (["--resume", "absent"], "absent is not a run"),
         (["--config", "absent.json"], "no configuration absent.json"),
         (["--device", "tpu"], "--device tpu cannot be used here"),

@@ -1,0 +1,180 @@
+"""Csv files as rows of text with their line numbers: the one place that opens them, and says where they are wrong.
+
+Plain or gzip (known by its first bytes, not by the name), UTF-8 with or without a byte order mark, any line ends, quoted
+fields. Blank lines are passed over. What the fields mean is for the readers above.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import itertools
+import math
+import re
+import zlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, cast
+
+_GZIP = b"\x1f\x8b"
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_LONGEST_LINE = 1 << 20  # characters: what is longer is no csv
+_SHOWN = 200  # characters of a field in an error message
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row: its fields by column, and where it stands (``track.csv: line 7``), for error messages."""
+
+    field: dict[str, str]
+    where: str
+
+    def number(self, column: str) -> float:
+        """A finite number. Raises ValueError that names file, line and value."""
+        text = self.field[column]
+        try:
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{self.where}: {column} must be a number, got {shown(text)}") from None
+        if not math.isfinite(value):
+            raise ValueError(f"{self.where}: {column} must be finite, got {shown(text)}")
+        return value
+
+    def name(self, column: str) -> str:
+        """A name, without the blanks around it. Raises ValueError if it is empty or cannot be printed."""
+        try:
+            return printable_name(self.field[column], column)
+        except ValueError as error:
+            raise ValueError(f"{self.where}: {error}") from None
+
+
+def shown(text: str) -> str:
+    """A field as an error message shows it: quoted, on one line, and not all of a long one."""
+    return repr(text) if len(text) <= _SHOWN else f"{text[:_SHOWN]!r}..."
+
+
+def printable_name(text: str, column: str) -> str:
+    """The name in a field, without the blanks around it.
+
+    Raises:
+        ValueError: if it is empty, or holds control characters or bytes that are not UTF-8.
+    """
+    name = text.strip()
+    if not name:
+        raise ValueError(f"{column} must not be empty")
+    if not name.isprintable():
+        raise ValueError(f"{column} must be printable text in UTF-8, got {shown(name)}")
+    return name
+
+
+class CsvTable:
+    """An open csv file: the fields of its first line, and then its rows, once."""
+
+    def __init__(self, path: Path, lines: Iterator[str]) -> None:
+        self.path = path
+        self._reader = csv.reader(lines, strict=True)
+        self.columns: tuple[str, ...] = ()  # none: an empty file
+        for fields in self._guarded():
+            if fields:
+                self.columns = tuple(name.strip() for name in fields)
+                break
+
+    def place(self, columns: Sequence[str]) -> list[int]:
+        """Where these columns stand. Raises ValueError that lists the columns needed and those found."""
+        if not set(columns) <= set(self.columns):
+            needed = ",".join(columns)
+            raise ValueError(f"{self.path}: line 1 must name the columns {needed}, got {self.header}; rename or add them")
+        for name in columns:
+            if self.columns.count(name) > 1:
+                raise ValueError(f"{self.path}: line 1 names {name} twice; remove one of these columns")
+        return [self.columns.index(name) for name in columns]
+
+    @property
+    def header(self) -> str:
+        """The first line, as an error message shows it."""
+        text = ",".join(self.columns) or "nothing"
+        return text if text.isprintable() and len(text) <= _SHOWN else shown(text)
+
+    def rows(self, columns: Sequence[str]) -> Iterator[Row]:
+        """Row by row, these columns of it."""
+        places = self.place(columns)
+        for block, lines in self.blocks(1 << 12):
+            for fields, line in zip(block, lines, strict=True):
+                yield Row({name: fields[at] for name, at in zip(columns, places, strict=True)}, f"{self.path}: line {line}")
+
+    def blocks(self, size: int) -> Iterator[tuple[list[list[str]], Sequence[int]]]:
+        """Up to ``size`` rows at a time, each with as many fields as there are columns, and the line on which each ends.
+
+        Raises:
+            ValueError: for a row with another number of fields, or what is no csv text or a damaged gzip file.
+        """
+        rows = self._guarded()
+        while True:
+            begin = self._reader.line_num + 1
+            block = list(itertools.islice(rows, size))
+            if not block:
+                return
+            lines: Sequence[int] = range(begin, begin + len(block))
+            if self._reader.line_num >= begin + len(block):  # line ends inside of quotes
+                lines = list(itertools.accumulate((1 + _line_ends(fields) for fields in block), initial=begin - 1))[1:]
+            if set(map(len, block)) != {len(self.columns)}:
+                block, lines = self._even_out(block, lines)
+            yield block, lines
+
+    def _even_out(self, block: list[list[str]], lines: Sequence[int]) -> tuple[list[list[str]], Sequence[int]]:
+        """A block without blank lines, and without empty fields past the last column."""
+        width = len(self.columns)
+        kept = [index for index, fields in enumerate(block) if fields]
+        for index in kept:
+            got = len(block[index])
+            if got < width or any(block[index][width:]):
+                raise ValueError(f"{self.path}: line {lines[index]}: expected {width} fields as in line 1, got {got}")
+        return [block[index][:width] for index in kept], [lines[index] for index in kept]
+
+    def _guarded(self) -> Iterator[list[str]]:
+        """Rows as the csv module gives them, its troubles and those of the file below as one kind of error."""
+        try:
+            yield from self._reader
+        except csv.Error as error:
+            raise ValueError(f"{self.path}: line {self._reader.line_num}: not a csv text file ({error})") from None
+        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+            line = self._reader.line_num
+            raise ValueError(f"{self.path}: damaged gzip file after line {line} ({error}); copy it again") from None
+
+
+def _line_ends(fields: Sequence[str]) -> int:
+    return sum(len(_LINE_END.findall(text)) for text in fields)
+
+
+@contextmanager
+def open_csv(path: str | Path, kind: str, columns: Sequence[str]) -> Iterator[CsvTable]:
+    """Open a csv file, plain or gzip.
+
+    Args:
+        kind: what it is (track) and the columns it should have, for the message where there is none.
+    Raises:
+        FileNotFoundError: where there is no such file.
+        ValueError: if it is no csv text.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no {kind} file {path}; give a csv with columns {','.join(columns)}")
+    with path.open("rb") as file:
+        packed = file.read(2) == _GZIP
+        file.seek(0)
+        content = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if packed else file
+        # Bytes that are not UTF-8 become lone surrogates: harmless in a column nobody reads, refused in a name.
+        text = io.TextIOWrapper(content, encoding="utf-8-sig", errors="surrogateescape", newline="")
+        yield CsvTable(path, _lines(path, text))
+
+
+def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
+    number = 1
+    while line := text.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE or "\0" in line:
+            raise ValueError(f"{path}: line {number}: not a csv text file; save it as csv in UTF-8")
+        yield line
+        number += 1

@@ -1,0 +1,174 @@
+"""From detections to positions, tag by tag: what `array locate` and `array tracks` have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from numpy.typing import NDArray
+
+from tagtrack.baselines.static_array.averaging import average_pings, number_by_count, number_by_time
+from tagtrack.baselines.static_array.detections import Detections, shorten
+from tagtrack.baselines.static_array.matching import array_window, match_pings, remove_impossible
+from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
+from tagtrack.baselines.static_array.noise import estimate_sigma
+from tagtrack.baselines.static_array.registry import METHODS, locate
+from tagtrack.eval.telemetry import ReceiverPlaces, read_detections, read_receivers
+
+USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
+
+
+@dataclass(frozen=True, kw_only=True)
+class Located:
+    """One tag: K rows of positions, each of one ping or of several averaged."""
+
+    tag: str
+    heard: int  # pings, by at least one receiver
+    pings: Pings  # K rows with their arrivals
+    count: NDArray[np.int64]  # (K,) pings in each row
+    positions: Positions  # NaN where not located
+    sigma: float  # of an arrival [s]
+    removed: int  # arrivals that no place explains
+
+    @property
+    def known(self) -> np.ndarray:
+        """(K,) bool: which rows have a position."""
+        return np.isfinite(self.positions.position).all(axis=1)
+
+    @property
+    def sd(self) -> Floats:
+        """(K, 2) standard deviations [m] along x and y."""
+        return np.sqrt(np.diagonal(self.positions.covariance, axis1=1, axis2=2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Averaging:
+    """Which pings make one position: a number of them, or all within a time."""
+
+    count: int = 1  # heard by as many receivers as a position takes; with others around them
+    seconds: float | None = None  # in place of a number
+    systematic: float = 1e-3  # of clocks and places of receivers, which averaging does not remove [s]
+
+    def number(self, pings: Pings, least_receivers: int) -> NDArray[np.int64]:
+        """Block (K,) of each ping."""
+        if self.seconds is not None:
+            return number_by_time(pings, self.seconds)
+        return number_by_count(pings, self.count, least_receivers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocateOptions:
+    """Which detections, by which receivers, and how."""
+
+    detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
+    """Detections on corrected clocks: csv or csv.gz (t_unix_s,receiver,tag), VUE or GLATOS exports, or folders of text files."""
+    receivers: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """csv file with columns receiver,x,y [m]; detections by receivers that it does not name are left out."""
+    tags: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ID ...", help_behavior_hint="(all)")] = ()
+    """Tags to locate."""
+    method: Annotated[str, tyro.conf.arg(metavar="NAME")] = "wls_ml"
+    """Estimator: wls, ml, wls_ml, map, map_m, pf, yaps."""
+    sound_speed: float = 1500.0
+    """Speed of sound [m/s]."""
+    sigma: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(from the pings)")] = None
+    """Standard deviation of an arrival time [s]; by default what the pings with spare arrivals show, else 1 ms."""
+    min_receivers: int = 3
+    """Fewest receivers that must have heard a ping."""
+    max_sd: float = 100.0
+    """Positions less certain than this [m], standard deviation in the worse direction, are not given."""
+
+    def check(self) -> None:
+        """Raise ValueError for an option out of range."""
+        if self.method not in METHODS:
+            raise ValueError(f"unknown --method {self.method}; known: {', '.join(METHODS)}")
+        for name in ("sound_speed", "max_sd") + (("sigma",) if self.sigma is not None else ()):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"--{name.replace('_', '-')} must be positive, got {getattr(self, name)}")
+        if self.min_receivers < 3:
+            raise ValueError(f"--min-receivers must be at least 3, which a position takes, got {self.min_receivers}")
+
+    def read(self) -> tuple[Detections, ReceiverPlaces]:
+        """The detections by the receivers whose places are known, and those places.
+
+        Raises:
+            ValueError: for files that disagree, naming the names they have.
+        """
+        places = read_receivers(self.receivers)
+        detections = read_detections(self.detections)
+        common = [name for name in detections.receivers if name in places.names]
+        if not common:
+            there = shorten(detections.receivers)
+            raise ValueError(f"no receiver of {self.receivers} ({shorten(places.names)}) is in the detections ({there})")
+        if len(common) < 3:
+            heard = shorten(tuple(common))
+            raise ValueError(f"a position takes three receivers; of {self.receivers} only {heard} heard anything")
+        missing = [tag for tag in self.tags if tag not in detections.tags]
+        if missing:
+            raise ValueError(f"no detection of tag {missing[0]!r}; there are {shorten(detections.tags)}")
+        return _by_place(detections, places), places
+
+    def locate(self, detections: Detections, places: ReceiverPlaces, averaging: Averaging | None = None) -> Iterator[Located]:
+        """Each tag in turn."""
+        for tag in self.tags or detections.tags:
+            yield self.locate_tag(detections.of_tag(tag), tag, places.position, averaging)
+
+    def locate_tag(self, detections: Detections, tag: str, receivers: Floats, averaging: Averaging | None) -> Located:
+        """Match, clean, average and locate the pings of one tag."""
+        window = array_window(receivers, self.sound_speed)
+        matched = match_pings(detections, window)
+        heard = len(matched.pings.time)
+        cleaned = remove_impossible(matched, receivers, self.sound_speed)
+        pings = cleaned.pings if averaging else _of_at_least(cleaned.pings, self.min_receivers)
+        setting = ArraySetting(sound_speed=self.sound_speed, sigma=self.sigma or USUAL_SIGMA)
+        if self.sigma is None:
+            found = estimate_sigma(pings, receivers, setting)
+            setting = ArraySetting(sound_speed=self.sound_speed, sigma=found or USUAL_SIGMA)
+        information, count = None, np.ones(len(pings.time), dtype=np.int64)
+        if averaging:
+            blocks = average_pings(pings, averaging.number(pings, self.min_receivers), setting.sigma, averaging.systematic)
+            pings, information, count = blocks.pings, blocks.information, blocks.count
+        positions = locate(self.method, pings, receivers, setting, information=information)
+        return Located(
+            tag=tag,
+            heard=heard,
+            pings=pings,
+            count=count,
+            positions=_certain(positions, self.max_sd),
+            sigma=setting.sigma,
+            removed=cleaned.impossible,
+        )
+
+
+def _by_place(detections: Detections, places: ReceiverPlaces) -> Detections:
+    """The same detections with the receivers numbered as ``places`` has them, without those that it does not name."""
+    number = np.array([places.names.index(name) if name in places.names else -1 for name in detections.receivers], dtype=np.int32)
+    receiver = number[detections.receiver]
+    kept = receiver >= 0
+    return Detections(
+        time=detections.time[kept],
+        receiver=receiver[kept],
+        tag=detections.tag[kept],
+        receivers=places.names,
+        tags=detections.tags,
+    )
+
+
+def _of_at_least(pings: Pings, receivers: int) -> Pings:
+    kept = pings.heard.sum(axis=1) >= receivers
+    return Pings(time=pings.time[kept], arrival=pings.arrival[kept])
+
+
+def _certain(positions: Positions, max_sd: float) -> Positions:
+    """NaN where the worse direction is less certain than ``max_sd`` [m]."""
+    finite = np.isfinite(positions.covariance).all(axis=(1, 2))
+    largest = np.full(len(finite), np.inf)
+    largest[finite] = np.linalg.eigvalsh(positions.covariance[finite])[:, -1]
+    certain = (largest <= max_sd**2) & np.isfinite(positions.position).all(axis=1)
+    return Positions(
+        position=np.where(certain[:, None], positions.position, np.nan),
+        covariance=np.where(certain[:, None, None], positions.covariance, np.nan),
+    )

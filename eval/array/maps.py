@@ -1,0 +1,64 @@
+"""Maps of moored receivers and what they located."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tagtrack.eval.plots import COLOURS, FAINT, INK, empty_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_NAMED = 16  # clouds in the legend
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cloud:
+    """Positions (K, 2) [m] of one tag; ``joined`` draws a line through them, broken where NaN."""
+
+    name: str
+    position: NDArray[np.floating]
+    joined: bool = False
+
+
+def plot_map(
+    clouds: Sequence[Cloud],
+    receivers: NDArray[np.floating],
+    names: Sequence[str],
+    *,
+    truth: NDArray[np.floating] | None = None,
+) -> Figure:
+    """Receivers (R, 2) [m] with their names, the positions of tags, and where they really were (T, 2), north up.
+
+    The map shows the receivers and the inner 98 % of all positions, with a margin.
+    """
+    figure, (axes,) = empty_figure(width=8.0, height=7.0)
+    origin = np.round(receivers.mean(axis=0), -2)
+    for cloud, colour in zip(clouds, cycle(COLOURS), strict=False):
+        style = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
+        label = cloud.name if len(clouds) <= MOST_NAMED else None
+        axes.plot(*(cloud.position - origin).T, color=colour, alpha=0.7, label=label, **style)
+    if truth is not None and np.isfinite(truth).any():
+        truth = np.unique(truth[np.isfinite(truth).all(axis=1)], axis=0)
+        axes.plot(*(np.asarray(truth) - origin).T, "+", color=INK, ms=9, mew=1.4, label="reference", zorder=4)
+    axes.plot(*(receivers - origin).T, "^", color=INK, ms=8, mfc="white", mew=1.6, label="receiver", zorder=5)
+    for name, place in zip(names, receivers - origin, strict=True):
+        axes.annotate(name, place, xytext=(6, 5), textcoords="offset points", color=INK, fontsize=9)
+    shown = [receivers - origin]
+    every = np.concatenate([cloud.position for cloud in clouds] or [np.empty((0, 2))]) - origin
+    every = every[np.isfinite(every).all(axis=1)]
+    if len(every):
+        shown.append(np.quantile(every, (0.01, 0.99), axis=0))
+    low, high = np.min(np.concatenate(shown), axis=0), np.max(np.concatenate(shown), axis=0)
+    margin = 0.08 * max(*(high - low), 10.0)
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
+    axes.set(xlabel=f"x - {origin[0]:.0f} m", ylabel=f"y - {origin[1]:.0f} m")
+    axes.tick_params(colors=FAINT, labelcolor=INK)
+    figure.legend(loc="outside right center", frameon=False, fontsize=8, markerscale=2)
+    return figure

@@ -1,0 +1,166 @@
+"""`python -m eval array survey`: places of moored receivers from the sound between them (Masmitja et al. 2020, Fig. 4G)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import rich
+import tyro
+
+from tagtrack.baselines.static_array.detections import shorten
+from tagtrack.baselines.static_array.places import Places, Placing, place_freely, place_on, places_from_distances
+from tagtrack.baselines.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
+from tagtrack.eval.array.survey_plot import plot_map
+from tagtrack.eval.plots import save_figure
+from tagtrack.eval.report import as_console_table, write_json, write_text
+from tagtrack.eval.results_folder import replace_results, require_replaceable
+from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry
+from tagtrack.eval.versions import collect_versions
+
+OWN_FILES = ("distances.csv", "receivers.csv", "survey.json", "map.png")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """Measure the distances between receivers that carry sync tags, and place the receivers by them.
+
+    Takes detections on corrected clocks (of `array sync`), of receivers that log the pings of the tags beside them. Writes
+    distances.csv, receivers.csv (as other commands take it), survey.json and map.png.
+    """
+
+    detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
+    """Files of detections: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
+    sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """csv with columns tag,receiver,x,y: the receiver that a sync tag hangs beside; x and y may be empty."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write; earlier results of this command are replaced."""
+    reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(first receiver at 0, 0)")] = None
+    """csv with columns receiver,x,y [m] of places to turn and move the receivers onto."""
+    sound_speed: float = 1500.0
+    """Speed of sound [m/s]."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
+            raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
+
+    def run(self) -> None:
+        """Run it."""
+        require_replaceable(self.out, OWN_FILES, "survey")
+        own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
+        reference = None if self.reference is None else read_receivers(self.reference).by_name()
+        reading = read_telemetry(self.detections)
+        for remark in reading.remarks:
+            print(f"note: {remark}")
+        baselines = survey_distances(reading.detections, own_tags, self.sound_speed)
+        names = survey_receivers(baselines)
+        pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
+        shape = places_from_distances(pairs, [line.distance for line in baselines], [line.sd for line in baselines])
+        placing = choose_placing(shape, names, reference)
+        places = placing.place(shape)
+        document = {
+            "detections_files": [str(path) for path in self.detections],
+            "sync_tags_file": str(self.sync_tags),
+            "reference_file": None if self.reference is None else str(self.reference),
+            **survey_document(baselines, names, places, placing, reference),
+            "sound_speed_m_s": self.sound_speed,
+            "versions": collect_versions(),
+        }
+        print_survey(document)
+        with replace_results(self.out, OWN_FILES) as folder:
+            write_text(folder / "distances.csv", as_csv(document["distances"]))
+            write_text(folder / "receivers.csv", as_csv([{key: row[key] for key in RECEIVER} for row in document["receivers"]]))
+            write_json(folder / "survey.json", document)
+            save_figure(folder / "map.png", plot_map(document))
+        print(f"written: {self.out}")
+
+
+RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")
+
+
+def choose_placing(shape: Places, names: Sequence[str], reference: Mapping[str, Floats] | None) -> Placing:
+    """Onto the reference places, or the first receiver at the origin."""
+    if reference is None:
+        return place_freely(shape.position)
+    shared = [index for index, name in enumerate(names) if name in reference]
+    if len(shared) < 2:
+        raise ValueError(f"--reference must hold two of {shorten(tuple(names))}; it holds {shorten(tuple(reference))}")
+    return place_on(shape.position[shared], np.array([reference[names[index]] for index in shared]))
+
+
+def survey_document(
+    baselines: Sequence[Baseline],
+    names: Sequence[str],
+    places: Places,
+    placing: Placing,
+    reference: Mapping[str, Floats] | None,
+) -> dict[str, Any]:
+    """What survey.json holds: distances, places, and how they were placed; null where there is no figure."""
+    receivers = []
+    for name, (x, y), (sd_x, sd_y) in zip(names, places.position.tolist(), places.sd.tolist(), strict=True):
+        target = None if reference is None or name not in reference else reference[name].tolist()
+        off = None if target is None else float(np.hypot(x - target[0], y - target[1]))
+        receivers.append(
+            {"receiver": name, "x": x, "y": y, "sd_x": sd_x, "sd_y": sd_y, "reference": target, "from_reference_m": off}
+        )
+    distances = [
+        {
+            "first": line.receivers[0],
+            "second": line.receivers[1],
+            "distance_m": line.distance,
+            "sd_m": _number(line.sd),
+            "asymmetry_m": _number(line.asymmetry),
+            "clock_offset_s": _number(line.clock_offset),
+            "fit_residual_m": float(residual),
+            **_way("there", line.there),
+            **_way("back", line.back),
+        }
+        for line, residual in zip(baselines, places.residual, strict=True)
+    ]
+    turned = float(np.degrees(np.arctan2(placing.rotation[1, 0], placing.rotation[0, 0])))
+    mirrored = bool(np.linalg.det(placing.rotation) < 0)
+    return {"distances": distances, "receivers": receivers, "turned_deg": turned, "mirrored": mirrored}
+
+
+def _way(name: str, way: OneWay) -> dict[str, float | int | None]:
+    return {f"{name}_s": _number(way.seconds), f"{name}_pings": way.pings, f"{name}_outliers": way.outliers}
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows with the same columns as csv; None is an empty field."""
+    lines = [",".join(rows[0]), *(",".join("" if value is None else str(value) for value in row.values()) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def print_survey(document: Mapping[str, Any]) -> None:
+    """Distances, and places."""
+
+    def cell(value: float | None) -> str:
+        return "-" if value is None else f"{value:.2f}"
+
+    rows = [
+        [
+            f"{line['first']} - {line['second']}",
+            cell(line["distance_m"]),
+            cell(line["sd_m"]),
+            cell(line["asymmetry_m"]),
+            cell(line["fit_residual_m"]),
+            f"{line['there_pings']} + {line['back_pings']}",
+            str(line["there_outliers"] + line["back_outliers"]),
+        ]
+        for line in document["distances"]
+    ]
+    header = ["receivers", "distance [m]", "sd [m]", "there less back [m]", "residual [m]", "pings", "outliers"]
+    note = "Residual: measured distance less that of the places. sd without the error of the sound speed."
+    rich.print(as_console_table(header, rows, note))
+    figures = ("x", "y", "sd_x", "sd_y", "from_reference_m")
+    rows = [[line["receiver"], *(cell(line[figure]) for figure in figures)] for line in document["receivers"]]
+    note = "sd of the shape alone: where it lies and how it is turned is taken from the reference places, with their errors."
+    rich.print(as_console_table(["receiver", "x [m]", "y [m]", "sd x [m]", "sd y [m]", "from reference [m]"], rows, note))

@@ -1,0 +1,169 @@
+"""`python -m eval array sync`: clocks of moored receivers, and detections corrected by them (Masmitja et al. 2020, Fig. 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import rich
+import tyro
+
+from tagtrack.baselines.static_array.clocks import Synchronization, SyncSetting, correct, synchronize
+from tagtrack.baselines.static_array.detections import Detections
+from tagtrack.baselines.static_array.model import Floats
+from tagtrack.eval.array.sync_plot import plot_residuals
+from tagtrack.eval.plots import save_figure
+from tagtrack.eval.progress import progress_bar
+from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.results_folder import replace_results, require_replaceable
+from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry, write_detections
+from tagtrack.eval.versions import collect_versions
+
+OWN_FILES = ("detections.csv.gz", "clocks.json", "residuals.png")
+DAY = 86400.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sync:
+    """Correct the clocks of moored receivers by sync tags, tags that do not move.
+
+    Needs no synchronized start: clocks may differ by minutes. Writes the detections of all tags on corrected clocks
+    (detections.csv.gz), the clocks with what was left out of their fit (clocks.json), and a picture of the differences between
+    clocks before, in between and after (residuals.png). All times are then on the clock of one receiver, the reference.
+    """
+
+    detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
+    """Files of detections on the receivers' own clocks: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
+    sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """csv with columns tag,receiver,x,y: the receiver that a sync tag hangs beside, if any, and its place, if known apart [m]."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write; earlier results of this command are replaced."""
+    receivers: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(unknown)")] = None
+    """csv with columns receiver,x,y [m]. Without it, offsets come from sync tags beside receivers that hear each other."""
+    sound_speed: float = 1500.0
+    """Speed of sound [m/s]."""
+    degree: int = 3
+    """Of the polynomials in time."""
+    segment_days: Annotated[float | None, tyro.conf.arg(metavar="DAYS", help_behavior_hint="(one polynomial)")] = None
+    """Length of the segments that get a polynomial each, 7 for weeks."""
+    largest_offset: float = 600.0
+    """Largest difference between two clocks that is looked for [s]."""
+    reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
+    """Receiver whose clock is the time."""
+
+    def run(self) -> None:
+        """Run it."""
+        require_replaceable(self.out, OWN_FILES, "synchronization")
+        setting = SyncSetting(
+            sound_speed=self.sound_speed,
+            degree=self.degree,
+            segment=None if self.segment_days is None else self.segment_days * DAY,
+            largest_offset=self.largest_offset,
+        )
+        sync_tags = read_sync_tags(self.sync_tags)
+        places = {} if self.receivers is None else read_receivers(self.receivers).by_name()
+        reading = read_telemetry(self.detections)
+        for remark in reading.remarks:
+            print(f"note: {remark}")
+        detections = reading.detections
+        pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
+        with progress_bar(pairs + 1, unit="pairs") as advance:
+            found = synchronize(detections, sync_tags, places, setting, reference=self.reference, progress=advance)
+        document = {
+            "detections_files": [str(path) for path in self.detections],
+            "sync_tags_file": str(self.sync_tags),
+            "receivers_file": None if self.receivers is None else str(self.receivers),
+            "sound_speed_m_s": self.sound_speed,
+            "degree": self.degree,
+            "segment_days": self.segment_days,
+            "largest_offset_s": self.largest_offset,
+            **sync_document(found, detections),
+            "versions": collect_versions(),
+        }
+        print_sync(document)
+        with replace_results(self.out, OWN_FILES) as folder:
+            write_detections(folder / "detections.csv.gz", correct(detections, found.models))
+            write_json(folder / "clocks.json", document)
+            save_figure(folder / "residuals.png", plot_residuals(found))
+        print(f"written: {self.out}")
+
+
+def sync_document(found: Synchronization, detections: Detections) -> dict[str, Any]:
+    """What clocks.json holds of a synchronization, and of the detections it corrects."""
+    clocks = []
+    for index, name in enumerate(detections.receivers):
+        if name in found.models:
+            time = detections.time[detections.receiver == index]
+            model = found.models[name]
+            ends = model.offset(model.limits[[0, -1]])
+            change = {"first_offset_s": float(ends[0]), "last_offset_s": float(ends[1])}
+            clocks.append({**model.to_json(), **change, "detections": time.size, "extrapolated": model.beyond(time)})
+    missing = [detections.receivers.index(name) for name in found.excluded]
+    return {
+        "reference": found.reference,
+        "residual_rms_s": found.rms,
+        "sigma_s": found.sigma,
+        "stages_rms_s": {
+            "raw": _root_mean_square(found.uncorrected[found.used]),
+            "line": _root_mean_square(found.straightened[found.used]),
+            "final": found.rms,
+        },
+        "receptions": int(found.used.sum()),
+        "heard_by_one_receiver": found.alone,
+        "echoes": found.echoes,
+        "outliers": list_outliers(found, detections),
+        "excluded": dict(found.excluded),
+        "detections_left_out": int(np.isin(detections.receiver, missing).sum()),
+        "clocks": clocks,
+    }
+
+
+def list_outliers(found: Synchronization, detections: Detections) -> list[dict[str, Any]]:
+    """The receptions left out of the fit, in order of time."""
+    receptions = found.receptions
+    rows = np.flatnonzero(~found.used)
+    return [
+        {
+            "t_unix_s": float(receptions.time[row]),
+            "receiver": detections.receivers[receptions.receiver[row]],
+            "tag": found.tags[receptions.tag[row]],
+            "residual_s": float(found.residual[row]),
+        }
+        for row in rows[np.argsort(receptions.time[rows])]
+    ]
+
+
+def print_sync(document: Mapping[str, Any]) -> None:
+    """A row for each receiver, and what was left out."""
+    rows = [
+        [
+            clock["receiver"],
+            str(clock["points"]),
+            str(clock["outliers"]),
+            f"{clock['first_offset_s']:.4f}",
+            f"{clock['last_offset_s']:.4f}",
+            f"{1e3 * clock['rms_s']:.2f}",
+            str(clock["extrapolated"]),
+        ]
+        for clock in document["clocks"]
+    ]
+    header = ["receiver", "points", "outliers", "first offset [s]", "last offset [s]", "residual [ms]", "extrapolated"]
+    stages = document["stages_rms_s"]
+    note = (
+        f"Offsets are against {document['reference']}. Differences between clocks (rms): raw {stages['raw']:.4g} s, after the "
+        f"line through the initial points {1e3 * stages['line']:.3g} ms, at the end {1e3 * stages['final']:.3g} ms; "
+        f"left out: {len(document['outliers'])} outliers, {document['echoes']} echoes, {document['heard_by_one_receiver']} "
+        "receptions of sync tags by one receiver alone. Extrapolated: detections outside the time in which sync tags were heard."
+    )
+    rich.print(as_console_table(header, rows, note))
+    for name, reason in document["excluded"].items():
+        print(f"no clock for {name}: it {reason}")
+    if document["detections_left_out"]:
+        print(f"left out of detections.csv.gz, without a clock: {document['detections_left_out']} detections")
+
+
+def _root_mean_square(value: Floats) -> float:
+    return float(np.sqrt(np.mean(value**2)))

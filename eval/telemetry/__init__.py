@@ -1,0 +1,31 @@
+"""Files of acoustic telemetry, as people have them, to arrays and back: detections, known places, tracks."""
+
+from tagtrack.eval.telemetry.detections import Reading, read_detections, read_telemetry, write_detections
+from tagtrack.eval.telemetry.places import (
+    ReceiverPlaces,
+    Reference,
+    SyncTag,
+    read_receivers,
+    read_reference,
+    read_sync_tags,
+)
+from tagtrack.eval.telemetry.plane import Plane
+from tagtrack.eval.telemetry.tracks import Tracks, read_tracks, write_movebank, write_tracks
+
+__all__ = [
+    "Plane",
+    "Reading",
+    "ReceiverPlaces",
+    "Reference",
+    "SyncTag",
+    "Tracks",
+    "read_detections",
+    "read_receivers",
+    "read_reference",
+    "read_sync_tags",
+    "read_telemetry",
+    "read_tracks",
+    "write_detections",
+    "write_movebank",
+    "write_tracks",
+]
