@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tagtrack.baselines.static_array.likelihood import check_pings
 from tagtrack.baselines.static_array.model import (
@@ -27,7 +27,7 @@ from tagtrack.baselines.static_array.model import (
 
 PARTICLES = 6000
 RESAMPLE_BELOW = 0.5  # effective share of the particles
-TEMPER_BELOW = 0.01  # effective share that one update may leave: 60 of 6000 know a mean to an eighth of its deviation
+FEWEST_EFFECTIVE = 60  # particles that one update may leave: they know a mean to an eighth of its deviation
 STAGE_SHARE = 0.25  # effective share that a stage leaves
 MOVES = 2  # Metropolis moves after a stage
 SMALLEST_MOVE, LARGEST_MOVE = 0.05, 2.0  # of the particles' own spread, drawn log-uniform: modes of any width are explored
@@ -177,12 +177,7 @@ def _next_cloud(
 
 
 def _condition(
-    position: Floats,
-    ancestor: Floats,
-    log_weight: Floats,
-    misfit: Misfit,
-    prior: Prior,
-    rng: np.random.Generator,
+    position: Floats, ancestor: Floats, log_weight: Floats, misfit: Misfit, prior: Prior, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
     """Let in a ping, by stages where it would leave too few particles.
 
@@ -193,7 +188,8 @@ def _condition(
         position, ancestor and log weight after it.
     """
     let_in, cost = 0.0, misfit(position)
-    while _effective_share(log_weight - (1 - let_in) * cost) < TEMPER_BELOW:
+    fewest = min(FEWEST_EFFECTIVE / log_weight.size, STAGE_SHARE)
+    while _effective_share(log_weight - (1 - let_in) * cost) < fewest:
         step = _next_stage(log_weight, cost, 1 - let_in)
         chosen = _resample(log_weight - step * cost, rng)
         let_in += step
@@ -205,13 +201,7 @@ def _condition(
 
 
 def _move(
-    position: Floats,
-    ancestor: Floats,
-    cost: Floats,
-    let_in: float,
-    misfit: Misfit,
-    prior: Prior,
-    rng: np.random.Generator,
+    position: Floats, ancestor: Floats, cost: Floats, let_in: float, misfit: Misfit, prior: Prior, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """One Metropolis move of every particle. Returns position and misfit."""
     covariance = np.cov(position)
@@ -247,7 +237,7 @@ def _effective_share(log_weight: Floats) -> float:
     return float(weight.sum() ** 2 / (weight @ weight)) / weight.size
 
 
-def _resample(log_weight: Floats, rng: np.random.Generator) -> np.ndarray:
+def _resample(log_weight: Floats, rng: np.random.Generator) -> NDArray[np.intp]:
     """Ancestors (N,) by systematic resampling."""
     total = np.cumsum(_normalized(log_weight))
     passed = np.ceil(total / total[-1] * total.size - rng.random()).astype(np.intp)  # pointers below the end of each share

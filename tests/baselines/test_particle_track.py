@@ -183,3 +183,9 @@ def test_bad_input_is_refused(change: dict[str, object], message: str) -> None:
     arguments = {"pings": pings, "receivers": SQUARE, "setting": ArraySetting()} | change
     with pytest.raises(ValueError, match=message):
         particle_filter(**arguments)  # type: ignore[arg-type]
+
+
+def test_few_particles_still_find_the_target(passage: tuple[Pings, Floats, Floats, ArraySetting]) -> None:
+    pings, _, truth, setting = passage
+    found = particle_filter(pings, SQUARE, setting, particles=200)
+    assert np.linalg.norm(found.position - truth, axis=1).max() < 8  # a bound of 1.5 m, and 50 effective particles
