@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cholesky_banded, cho_solve_banded
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.special import gammaln
 
 from tagtrack.baselines.static_array.model import Floats, Pings
@@ -22,7 +22,7 @@ DIFFUSE = 1e5  # [m], deviation of the prior that keeps a state determined on wh
 OUTLIERS, TAIL_SCALE, TAIL_DEGREES = 0.05, 10.0, 3.0  # of the robust errors: share, width in sigma, and Student's nu
 MOST_STEPS, MOST_HALVINGS = 60, 12
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
-CONVERGED = 1e-3  # minus the log density that a last step would still gain
+CONVERGED = 1e-2  # minus the log density that a last step would still gain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +193,7 @@ def _factorize(banded: Floats) -> Floats:
 
 
 def invert_blocks(factor: Floats, block: int) -> Floats:
-    """Diagonal blocks (N, block, block) of the inverse of a banded matrix, from its lower Cholesky band (Takahashi et al. 1973)."""
+    """Diagonal blocks (N, block, block) of a banded matrix's inverse, from its lower Cholesky band (Takahashi et al. 1973)."""
     band, size = factor.shape[0] - 1, factor.shape[1]
     window = np.zeros((band + 1, band + 1))  # of the inverse, from the running row on
     blocks = np.empty((size // block, block, block))

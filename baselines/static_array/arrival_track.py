@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from tagtrack.baselines.static_array.arrival_model import SHORTEST_INTERVAL, ArrivalModel, Rows, Scales, invert_blocks, lay_out
+from tagtrack.baselines.static_array.likelihood import check_pings
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
 
 REGULAR = 0.02  # of the interval: how far the intervals of a regular tag, motion included, lie from whole multiples of it
@@ -25,7 +26,7 @@ FIRST_INTERVAL_SIGMA = 1e-3  # [s]
 REACH = np.log(1e3)  # how far from their start the scales are sought
 COARSENESS = (30.0, 5.0)  # the first fits take arrivals for that many times worse: outliers show before they attract
 SMOOTHING = 5  # located pings whose median is the start
-TOLERANCE, MOST_EVALUATIONS = 0.05, 150  # of the search for log scales
+TOLERANCE, MOST_EVALUATIONS = 0.05, 150  # of the search, in minus the log likelihood: scales that fit alike are alike
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +86,13 @@ def track_arrivals(
     Returns:
         The track. NaN throughout where no ping was heard by n + 1 receivers. The covariance is the inverse curvature.
     Raises:
-        ValueError: for receivers that cannot locate, arrivals for another number of them, times out of order, an interval
-            that is not positive.
+        ValueError: if the shapes disagree, receivers cannot locate, times are out of order, or the interval is not positive.
     """
     places = check_receivers(receivers)
     dimensions = places.shape[1]
-    _check_pings(pings, len(places), interval)
+    check_pings(pings, places)
+    if interval is not None and not (np.isfinite(interval) and interval > 0):
+        raise ValueError(f"interval must be positive, got {interval!r} s; None is for random intervals")
     located = pings.heard.sum(axis=1) > dimensions
     if not located.any():
         return _no_track(pings, dimensions, setting, interval)
@@ -113,17 +115,6 @@ def track_arrivals(
         interval=interval,
         missed=len(rows.time) - len(pings.time),
     )
-
-
-def _check_pings(pings: Pings, receivers: int, interval: float | None) -> None:
-    if pings.arrival.shape != (len(pings.time), receivers):
-        raise ValueError(
-            f"arrivals must be ({len(pings.time)}, {receivers}) for {receivers} receivers, got {pings.arrival.shape}"
-        )
-    if np.any(np.diff(pings.time) < 0):
-        raise ValueError("pings must be in order of time")
-    if interval is not None and not (np.isfinite(interval) and interval > 0):
-        raise ValueError(f"interval must be positive, got {interval!r} s; None is for random intervals")
 
 
 def _first_scales(rows: Rows, setting: ArraySetting) -> Scales:
@@ -161,15 +152,15 @@ def _estimate_scales(model: ArrivalModel, first: Scales, state: Floats) -> tuple
     def scales_at(log_scales: Floats) -> Scales:
         return Scales(**(vars(first) | dict(zip(names, np.exp(log_scales).tolist(), strict=True))))
 
-    best = [np.inf, first, state]
+    least, best = np.inf, first
 
     def minus_log_likelihood(log_scales: Floats) -> float:
-        nonlocal best
+        nonlocal least, best, state
         scales = scales_at(log_scales)
-        found, cost, factor = model.minimize(best[2], scales)
+        found, cost, factor = model.minimize(state, scales)
         value = cost + float(np.sum(np.log(factor[0])))  # half the log of the determinant
-        if value < best[0]:
-            best = [value, scales, found]
+        if value < least:
+            least, best, state = value, scales, found
         return value
 
     simplex = np.vstack([start, start + np.diag(np.full(len(names), -1.0))])
@@ -178,9 +169,9 @@ def _estimate_scales(model: ArrivalModel, first: Scales, state: Floats) -> tuple
         start,
         method="Nelder-Mead",
         bounds=[(value - REACH, value + REACH) for value in start],
-        options={"initial_simplex": simplex, "xatol": TOLERANCE, "fatol": TOLERANCE, "maxfev": MOST_EVALUATIONS},
+        options={"initial_simplex": simplex, "xatol": 1.0, "fatol": TOLERANCE, "maxfev": MOST_EVALUATIONS},
     )
-    return best[1], best[2]
+    return best, state
 
 
 def _no_track(pings: Pings, dimensions: int, setting: ArraySetting, interval: float | None) -> ArrivalTrack:

@@ -8,12 +8,14 @@ from typing import Protocol
 
 from numpy.typing import ArrayLike
 
+from tagtrack.baselines.static_array.arrival_track import yaps
 from tagtrack.baselines.static_array.closed_form import weighted_least_squares
 from tagtrack.baselines.static_array.likelihood import check_pings
 from tagtrack.baselines.static_array.map_track import maximum_a_posteriori
 from tagtrack.baselines.static_array.map_window import map_marginal
 from tagtrack.baselines.static_array.maximum_likelihood import maximum_likelihood, wls_ml
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
+from tagtrack.baselines.static_array.particle_track import particle_filter
 
 
 class Estimator(Protocol):
@@ -31,6 +33,8 @@ METHODS: Mapping[str, Estimator] = MappingProxyType(
         "wls_ml": wls_ml,
         "map": maximum_a_posteriori,
         "map_m": map_marginal,
+        "pf": particle_filter,
+        "yaps": yaps,
     }
 )
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from tagtrack.baselines.static_array.bound import cramer_rao_bound, root_trace
-from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
+from tagtrack.baselines.static_array.model import ArraySetting, Floats
+from tagtrack.baselines.static_array.registry import Estimator
 from tagtrack.eval.array.scene import Noise, Scene
 
-Estimator = Callable[[Pings, Floats, ArraySetting], Positions]
 PLACES = ("inside", "outside")
 
 
@@ -22,7 +22,7 @@ class Outcome:
     """What one method made of one noise in M runs of K pings."""
 
     error: Floats  # (M, K) [m]; NaN where it gave no position
-    seconds: Floats  # (M,) per position
+    seconds: Floats  # (M,) of one processor per position
 
     def rmse(self, chosen: Any) -> Floats:
         """(M,) [m], root mean square over the chosen pings (K,) that got a position."""
@@ -35,7 +35,7 @@ def repeat(
     scene: Scene,
     noises: Sequence[Noise],
     methods: Mapping[str, Estimator],
-    setting: Callable[[Noise], ArraySetting],
+    settings: Mapping[Noise, ArraySetting],
     *,
     runs: int,
     seed: int,
@@ -48,7 +48,7 @@ def repeat(
     found: dict[Noise, dict[str, Outcome]] = {}
     count = len(scene.position)
     for method in methods.values():  # what a first call alone does is no part of the times
-        method(scene.draw_pings(noises[0], np.random.default_rng(seed)), scene.receivers, setting(noises[0]))
+        method(scene.draw_pings(noises[0], np.random.default_rng(seed)), scene.receivers, settings[noises[0]])
     for noise in noises:
         error = {name: np.full((runs, count), np.nan) for name in methods}
         seconds = {name: np.full(runs, np.nan) for name in methods}
@@ -56,9 +56,9 @@ def repeat(
             key = [seed, run, round(1e9 * noise.sigma), round(1e6 * noise.outliers)]
             pings = scene.draw_pings(noise, np.random.default_rng(key))
             for name, method in methods.items():
-                begun = time.perf_counter()
-                positions = method(pings, scene.receivers, setting(noise))
-                seconds[name][run] = (time.perf_counter() - begun) / count
+                begun = time.process_time()
+                positions = method(pings, scene.receivers, settings[noise])
+                seconds[name][run] = (time.process_time() - begun) / count
                 error[name][run] = np.linalg.norm(positions.position - scene.position, axis=1)
                 advance(name, count)
         found[noise] = {name: Outcome(error=error[name], seconds=seconds[name]) for name in methods}

@@ -14,6 +14,7 @@ from tagtrack.eval.array.scene import ARRAYS, Noise, Scene, place_receivers
 from tagtrack.eval.plots import COLOURS, FAINT, INK, empty_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 LEVELS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0)  # [m]
@@ -24,22 +25,25 @@ MARKERS = "osD^vPX*<>"
 
 
 def plot_bound(scene: Scene, baseline: float, sigma: float) -> Figure:
-    """Maps of the bound for the paper's arrays (Figs. 2A and S1), and the trajectory (Fig. 2B)."""
+    """Maps of the bound for the paper's arrays (Figs. 2A and S1), and the trajectory (Fig. 2B).
+
+    Twice the paper's: its Eq. 15 counts the six differences of four arrivals, each of ``sigma``, as independent.
+    """
     from matplotlib.colors import BoundaryNorm
 
     figure, panels = empty_figure(width=11.5, height=7.6, rows=2, columns=3, shared=True)
     axis = baseline * np.linspace(-REACH, REACH, MAP_POINTS)
     grid = np.stack(np.meshgrid(axis, axis), axis=-1)
     setting = ArraySetting(sound_speed=scene.sound_speed, sigma=sigma)
-    shown = None
+    look: dict[str, Any] = {"cmap": "viridis_r", "norm": BoundaryNorm(LEVELS, 256, extend="both"), "extend": "both"}
     for axes, name in zip(panels, ARRAYS, strict=False):
         receivers = place_receivers(name, baseline)
         least = np.minimum(root_trace(cramer_rao_bound(grid, receivers, setting)), 1e3)
-        shown = axes.contourf(axis, axis, least, levels=LEVELS, cmap="viridis_r", norm=BoundaryNorm(LEVELS, 256), extend="both")
+        axes.contourf(axis, axis, least, levels=LEVELS, **look)
         axes.plot(*receivers.T, "x", color=COLOURS[1], mew=2, ms=8)
-        axes.set_title(f"{name}, {len(receivers)} receivers", fontsize=10, color=INK)
+        axes.set_title(f"{len(receivers)} receivers, {name}", fontsize=10, color=INK)
         axes.set(aspect="equal")
-    figure.colorbar(shown, ax=panels[:-1], label=f"bound for {1e3 * sigma:g} ms [m]", shrink=0.8)
+    figure.colorbar(panels[0].collections[0], ax=panels, label=f"bound for {1e3 * sigma:g} ms [m]", shrink=0.8, format="{x:g}")
     axes = panels[-1]
     axes.plot(*scene.position.T, ".-", color=COLOURS[0], lw=1.2, ms=4)
     axes.plot(*scene.position[0], "o", color=COLOURS[0], mfc="white", mew=1.6, ms=7)
@@ -71,11 +75,11 @@ def plot_rmse(document: Mapping[str, Any]) -> Figure:
         for place_on_axis, noise in zip(group, noises, strict=True):
             bound = noise[f"bound_{place}_m"]
             if bound is not None:
-                label = "bound" if place_on_axis == 0 else None
+                label = "bound" if place_on_axis == 0 else "_"
                 axes.hlines(bound, place_on_axis - 0.45, place_on_axis + 0.45, color=INK, lw=1.4, ls="--", label=label)
         axes.set_xticks(group, [noise["label"] for noise in noises])
-        axes.set(yscale="log", ylabel="RMSE [m]", title=f"{place} the array")
-        axes.yaxis.set_major_formatter("{x:g}")
+        _log_rmse(axes)
+        axes.set(title=f"{place} the array")
         axes.grid(visible=False, axis="x")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside right center", frameon=False)
@@ -91,11 +95,10 @@ def plot_rmse_over_time(scene: Scene, found: Mapping[Noise, Mapping[str, Outcome
             colour, style = COLOURS[index % len(COLOURS)], ("-", "--", ":")[index // len(COLOURS) % 3]
             axes.plot(minutes, _over_runs(outcome.error), color=colour, ls=style, lw=1.3, label=name)
         axes.plot(minutes, bound_of_pings(scene, noise), color=INK, lw=1.6, ls="--", label="bound")
-        axes.fill_between(
-            minutes, 0, 1, where=scene.inside.tolist(), step="mid", color=FAINT, alpha=0.18, lw=0, transform=axes.get_xaxis_transform()
-        )
-        axes.set(yscale="log", ylabel="RMSE [m]", xlim=(minutes[0], minutes[-1]))
-        axes.yaxis.set_major_formatter("{x:g}")
+        inside = np.where(scene.inside, 1.0, 0.0)
+        axes.fill_between(minutes, inside, step="mid", color=FAINT, alpha=0.18, lw=0, transform=axes.get_xaxis_transform())
+        _log_rmse(axes)
+        axes.set(xlim=(minutes[0], minutes[-1]))
         axes.set_title(noise.label, fontsize=10, color=INK)
     panels[-1].set_xlabel("time [min]")
     handles, labels = panels[0].get_legend_handles_labels()
@@ -112,18 +115,26 @@ def plot_time(seconds: Mapping[str, float]) -> Figure:
     if printed:
         where, value = zip(*printed, strict=True)
         axes.plot(value, where, "D", color=COLOURS[1], ms=6, label="Masmitja et al. 2020")
-    for index, value in enumerate(seconds.values()):
-        axes.annotate(
-            f"{1e3 * value:.2g} ms", (1e3 * value, index), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8
-        )
+    for index, ms in enumerate(1e3 * np.array(list(seconds.values()))):
+        axes.annotate(f"{ms:.2g} ms", (ms, index), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set_yticks(place, list(seconds))
     axes.invert_yaxis()
-    axes.set(xscale="log", xlabel="time per position [ms]")
+    axes.set(xscale="log", xlabel="processor time per position [ms]")
     axes.margins(x=0.15)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(visible=False, axis="y")
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     return figure
+
+
+def _log_rmse(axes: Axes) -> None:
+    """A logarithmic axis that names 1, 2 and 5 of each decade."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set(yscale="log", ylabel="RMSE [m]")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _over_runs(error: Floats) -> Floats:

@@ -1,8 +1,8 @@
 """The simulated deployment of Masmitja et al. 2020 (Fig. 2B, S1): receivers, a target that swims among and around them, noise.
 
-The paper shows its trajectory but prints no coordinates; ours likewise enters and leaves the array and passes near receivers. Of its
-speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s and 120 s: these are the default, since the methods
-list them as the parameters simulated and lobsters are slow.
+The paper shows its trajectory but prints no coordinates; ours likewise enters and leaves the array and passes near receivers. Of
+speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s and 120 s: these are the command's default, as the
+methods list them as the parameters simulated and lobsters are slow.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ SQUARE = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
 ARRAYS = {  # in baselines, from the middle; Fig. 2A, then S1's A-D
     "square": SQUARE,
     "not square": ((-0.5, -0.25), (0.6, -0.55), (0.4, 0.5), (-0.65, 0.55)),
-    "five": (*SQUARE, (0.0, 0.0)),
-    "three": ((-0.5, -0.4), (0.5, -0.4), (0.0, 0.5)),
-    "wider": tuple((1.5 * x, 1.5 * y) for x, y in SQUARE),
+    "square and middle": (*SQUARE, (0.0, 0.0)),
+    "triangle": ((-0.5, -0.4), (0.5, -0.4), (0.0, 0.5)),
+    "wider square": tuple((1.5 * x, 1.5 * y) for x, y in SQUARE),
 }
 WAYPOINTS = (
     ((-1.1, 0.3), (-0.75, -0.1), (-0.35, -0.3), (0.0, 0.0), (0.3, 0.35), (0.6, 0.55), (0.95, 0.3), (0.9, -0.3))

@@ -40,7 +40,7 @@ class Simulate:
     sigma: Annotated[tuple[float, ...], tyro.conf.arg(metavar="S ...")] = (0.5e-3, 1e-3, 1.5e-3)
     """Deviations of an arrival time [s]."""
     outliers: float = 0.05
-    """Share of arrivals that come four times too late, in one more comparison at the last sigma; 0: none."""
+    """Share of arrivals whose way takes four times too long, in one more comparison at the last sigma; 0: none."""
     speed: float = 0.2
     """Of the target [m/s]."""
     delay: float = 120.0
@@ -58,7 +58,8 @@ class Simulate:
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/simulate-array-TIME)")] = None
     """Folder to write; earlier results of this command are replaced."""
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """Raise ValueError that names what cannot be simulated."""
         unknown = [name for name in self.methods if name not in METHODS]
         if unknown:
             raise ValueError(f"unknown method {unknown[0]!r}; known: {', '.join(METHODS)}")
@@ -76,15 +77,14 @@ class Simulate:
 
     def run(self) -> None:
         """Run it."""
+        self.check()
         out = self.out or default_folder("simulate", "array")
         require_replaceable(out, OWN_FILES, "simulation")
         scene, noises = self.make_scene(), self.list_noises()
         settings = {noise: self.make_setting(scene, noise) for noise in noises}
         methods = {name: METHODS[name] for name in self.methods or METHODS}
         with progress_bar(len(noises) * self.runs * len(methods) * len(scene.position)) as advance:
-            found = repeat(
-                scene, noises, methods, settings.__getitem__, runs=self.runs, seed=self.seed, advance=advance
-            )
+            found = repeat(scene, noises, methods, settings, runs=self.runs, seed=self.seed, advance=advance)
         document = {
             **self.describe(),
             "acceleration_sigma_m_s15": settings[noises[0]].acceleration_sigma,
