@@ -9,7 +9,7 @@ polynomial goes through all that was found (step ii). What sound takes from a ta
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -88,6 +88,7 @@ def coarse_clocks(
     sync: Detections,
     *,
     reference: str | None = None,
+    tagged: Collection[str] = (),
     degree: int = 3,
     largest_offset: float = 600.0,
     progress: Callable[[str, int], None] = lambda step, pairs: None,
@@ -95,7 +96,9 @@ def coarse_clocks(
     """Steps i and ii for all receivers that can be tied to the reference, directly or by others.
 
     Args:
-        sync: detections of the sync tags on raw clocks. reference: receiver; by default the one whose clock is in the middle.
+        sync: detections of the sync tags on raw clocks.
+        reference: receiver; by default the one whose clock is in the middle of those in ``tagged``, the receivers with a tag
+            of their own (as in the paper), or of all if none has.
         degree: of the polynomials. largest_offset: that is searched between two clocks [s]; of tags that ping at a fixed
             interval no difference stands out unless this is below half of it. progress: told of each pair.
     """
@@ -106,7 +109,8 @@ def coarse_clocks(
         if seed is not None:
             seeds[one, other] = seed
         progress("votes", 1)
-    root = _middle_clock(seeds) if reference is None else sync.receivers.index(reference)
+    own = {sync.receivers.index(name) for name in tagged if name in sync.receivers}
+    root = _middle_clock(seeds, own) if reference is None else sync.receivers.index(reference)
     pairs: dict[str, PairClock] = {}
     for receiver, neighbour, seed in _tree(seeds, root):
         differences = pair_differences(by_receiver[receiver], by_receiver[neighbour], largest_offset)
@@ -128,7 +132,7 @@ def _tree(seeds: Mapping[tuple[int, int], Seed], root: int) -> list[tuple[int, i
     return branches
 
 
-def _middle_clock(seeds: Mapping[tuple[int, int], Seed]) -> int:
+def _middle_clock(seeds: Mapping[tuple[int, int], Seed], preferred: Collection[int]) -> int:
     """Of the receivers tied to the one with most votes, that whose clock is in the middle: least likely to be set wrong."""
     votes: Counter[int] = Counter()
     for pair, seed in seeds.items():
@@ -138,7 +142,8 @@ def _middle_clock(seeds: Mapping[tuple[int, int], Seed]) -> int:
     ahead = {votes.most_common(1)[0][0]: 0.0}
     for receiver, neighbour, seed in _tree(seeds, next(iter(ahead))):
         ahead[receiver] = ahead[neighbour] + seed.lowest + VOTE_WINDOW / 2
-    return sorted(ahead, key=lambda receiver: ahead[receiver])[(len(ahead) - 1) // 2]
+    candidates = [receiver for receiver in ahead if receiver in preferred] or list(ahead)
+    return sorted(candidates, key=lambda receiver: ahead[receiver])[(len(candidates) - 1) // 2]
 
 
 def pair_differences(receiver: Detections, neighbour: Detections, largest: float) -> Differences:

@@ -83,7 +83,8 @@ def synchronize(
     Args:
         detections: on raw clocks; only those of ``sync_tags`` are used.
         places: (2,) of receivers, by name [m]. Without them travel times are fitted too, which takes sync tags beside receivers.
-        reference: receiver whose clock is the time; by default the one whose clock is in the middle.
+        reference: receiver whose clock is the time; by default, of those with a tag of their own, the one whose clock is in the
+            middle.
             No clock knows the true time: all that is corrected is as late or early as this one.
         progress: told a step's name and how much of it is done.
     Raises:
@@ -96,7 +97,12 @@ def synchronize(
         raise ValueError(f"no detection by the reference {reference!r}; receivers are {shorten(sync.receivers)}")
     travel = travel_times(sync.tags, sync.receivers, sync_tags, places or {}, setting.sound_speed)
     coarse = coarse_clocks(
-        sync, reference=reference, degree=setting.degree, largest_offset=setting.largest_offset, progress=progress
+        sync,
+        reference=reference,
+        tagged=[tag.receiver for tag in sync_tags if tag.receiver is not None],
+        degree=setting.degree,
+        largest_offset=setting.largest_offset,
+        progress=progress,
     )
     if not coarse.pairs:
         raise ValueError(f"{coarse.reference} {NOTHING_SHARED}: clocks cannot be compared")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +17,7 @@ from tagtrack.baselines.static_array.matching import array_window, match_pings, 
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
-from tagtrack.eval.telemetry import ReceiverPlaces, read_detections, read_receivers
+from tagtrack.eval.telemetry import ReceiverPlaces, read_receivers, read_telemetry
 
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
 
@@ -76,6 +76,8 @@ class LocateOptions:
     """Speed of sound [m/s]."""
     sigma: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(from the pings)")] = None
     """Standard deviation of an arrival time [s]; by default what the pings with spare arrivals show, else 1 ms."""
+    acceleration: float = 1e-3
+    """Of the animal, for map, map_m and pf: standard deviation of a random acceleration [m/s^1.5]; some 0.05 for a boat."""
     min_receivers: int = 3
     """Fewest receivers that must have heard a ping."""
     max_sd: float = 100.0
@@ -85,7 +87,7 @@ class LocateOptions:
         """Raise ValueError for an option out of range."""
         if self.method not in METHODS:
             raise ValueError(f"unknown --method {self.method}; known: {', '.join(METHODS)}")
-        for name in ("sound_speed", "max_sd") + (("sigma",) if self.sigma is not None else ()):
+        for name in ("sound_speed", "max_sd", "acceleration") + (("sigma",) if self.sigma is not None else ()):
             if not getattr(self, name) > 0:
                 raise ValueError(f"--{name.replace('_', '-')} must be positive, got {getattr(self, name)}")
         if self.min_receivers < 3:
@@ -98,7 +100,10 @@ class LocateOptions:
             ValueError: for files that disagree, naming the names they have.
         """
         places = read_receivers(self.receivers)
-        detections = read_detections(self.detections)
+        reading = read_telemetry(self.detections)
+        for remark in reading.remarks:
+            print(f"note: {remark}")
+        detections = reading.detections
         common = [name for name in detections.receivers if name in places.names]
         if not common:
             there = shorten(detections.receivers)
@@ -123,10 +128,11 @@ class LocateOptions:
         heard = len(matched.pings.time)
         cleaned = remove_impossible(matched, receivers, self.sound_speed)
         pings = cleaned.pings if averaging else _of_at_least(cleaned.pings, self.min_receivers)
-        setting = ArraySetting(sound_speed=self.sound_speed, sigma=self.sigma or USUAL_SIGMA)
+        setting = ArraySetting(
+            sound_speed=self.sound_speed, sigma=self.sigma or USUAL_SIGMA, acceleration_sigma=self.acceleration
+        )
         if self.sigma is None:
-            found = estimate_sigma(pings, receivers, setting)
-            setting = ArraySetting(sound_speed=self.sound_speed, sigma=found or USUAL_SIGMA)
+            setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)
         information, count = None, np.ones(len(pings.time), dtype=np.int64)
         if averaging:
             blocks = average_pings(pings, averaging.number(pings, self.min_receivers), setting.sigma, averaging.systematic)

@@ -53,7 +53,7 @@ class Sync:
     largest_offset: float = 600.0
     """Largest difference between two clocks that is looked for [s]; below half the interval of sync tags that ping regularly."""
     reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
-    """Receiver whose clock is the time."""
+    """Receiver whose clock is the time; by default the middle one of those with a tag of their own."""
 
     def run(self) -> None:
         """Run it."""

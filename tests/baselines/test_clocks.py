@@ -175,6 +175,13 @@ def test_the_middle_clock_is_the_reference():
     assert coarse_clocks(deploy().detections).reference == "R0"  # -103, 0, 25, 61 s: the lower of the middle two
 
 
+def test_receivers_with_a_tag_of_their_own_come_first_as_reference():
+    clocks = deploy().detections
+    alone = [name for name in clocks.receivers if coarse_clocks(clocks, tagged=[name]).reference == name]
+    assert alone == list(clocks.receivers)
+    assert coarse_clocks(clocks, tagged=["elsewhere"]).reference == "R0"
+
+
 def test_tags_with_a_fixed_interval_take_clocks_that_are_nearer_than_half_of_it():
     regular = deploy(interval=(500.0, 500.0), days=0.5, ahead=lambda receiver, time: ahead(receiver, time) / 10).detections
     with pytest.raises(ValueError, match="or none that stand out"):
