@@ -27,9 +27,10 @@ VEHICLE_SHAPE = np.array([(13, 0), (6, 5), (-9, 5), (-13, 0), (-9, -5), (6, -5)]
 FISH_SHAPE = np.array([(11, 0), (5, 4), (-2, 4), (-7, 1), (-12, 5), (-12, -5), (-7, -1), (-2, -4), (5, -4)])
 CROSS = np.array([(8, 2), (2, 2), (2, 8), (-2, 8), (-2, 2), (-8, 2), (-8, -2), (-2, -2), (-2, -8), (2, -8), (2, -2), (8, -2)])
 
+BEARING_KINDS = (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT)
 LAST_READINGS = {
     ReceiverKind.STEREO: "last bearing, both sides",
-    ReceiverKind.TIME_OF_FLIGHT: "last bearing, both sides",
+    ReceiverKind.TIME_OF_FLIGHT: "last bearing and range",
     ReceiverKind.RANGE: "last range",
     ReceiverKind.PRESENCE: "believed range when heard",
 }
@@ -94,14 +95,18 @@ class Legend:
 
         x, rows = 34, [250 + 34 * k for k in range(7)]
         words = ["vehicle and track", "fish and track", "particles", "95 % of the belief", "estimate, error"]
-        words += [LAST_READINGS[self._simulation.scenario.receiver.kind]]
         paint_shape(panel, VEHICLE_SHAPE, (x, rows[0]), VEHICLE, 1)
         paint_shape(panel, FISH_SHAPE, (x, rows[1]), FISH, 1)
         for right, down in ((-9, -3), (-3, 4), (1, -5), (3, 2), (8, -1), (-5, -2)):
             draw.rect(panel, BELIEF, (x + right, rows[2] + down, 2, 2))
         draw.ellipse(panel, BELIEF, (x - 13, rows[3] - 7, 26, 14), 2)
         paint_shape(panel, CROSS, (x, rows[4]), BELIEF, 1)
-        draw.polygon(panel, FAN, [(x - 13, rows[5]), (x + 13, rows[5] - 8), (x + 13, rows[5] + 8)])
+        kind = self._simulation.scenario.receiver.kind
+        words += [LAST_READINGS[kind]]
+        if kind in BEARING_KINDS:
+            draw.polygon(panel, FAN, [(x - 13, rows[5]), (x + 13, rows[5] - 8), (x + 13, rows[5] + 8)])
+        if kind != ReceiverKind.STEREO:
+            draw.circle(panel, FAN, (x, rows[5]), 11, 3)
         if self._simulation.scenario.reward.perimeter > 0:
             words.append("perimeter")
             draw.circle(panel, FISH, (x, rows[6]), 10, 1)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tagtrack.envs.belief.filter import BELIEFS
@@ -37,21 +37,31 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario
     Raises:
         ValueError: for an unknown name or a value out of range, naming both.
     """
-    # Whole parts first, so that {"belief": "brownian", "belief.particles": 500} does what it says in either order;
-    # changes to one part are made at once, because rules may bind two values together.
-    for name in sorted(overrides, key=lambda key: key.count(".")):
-        scenario = _override(scenario, name.split("."), overrides[name], name, scenario)
-    return scenario
+    return _override(scenario, [(name, name.split("."), value) for name, value in overrides.items()], scenario)
 
 
-def _override(parameters: Any, path: list[str], value: Any, name: str, scenario: Scenario) -> Any:
-    head, rest = path[0], path[1:]
-    if not dataclasses.is_dataclass(parameters) or head not in {f.name for f in dataclasses.fields(parameters)}:
-        raise ValueError(f"unknown parameter {name!r}; known: {', '.join(parameter_names(scenario))}")
-    old = getattr(parameters, head)
-    new = _override(old, rest, value, name, scenario) if rest else _interpret(old, head, value, name)
-    changed: Any = dataclasses.replace(parameters, **{head: new})  # type: ignore[type-var]  # an instance, not a class
-    return changed
+Change = tuple[str, list[str], Any]  # the whole name, the path to go from here, the value
+
+
+def _override(parameters: Any, changes: Sequence[Change], scenario: Scenario) -> Any:
+    """All changes of one part at once, because its rules may bind two values together: the order says nothing.
+
+    Whole parts go first, so that {"belief.particles": 500, "belief": "brownian"} does what it says.
+    """
+    known = {item.name for item in dataclasses.fields(parameters)} if dataclasses.is_dataclass(parameters) else set()
+    by_field: dict[str, list[Change]] = {}
+    for name, (head, *rest), value in changes:
+        if head not in known:
+            raise ValueError(f"unknown parameter {name!r}; known: {', '.join(parameter_names(scenario))}")
+        by_field.setdefault(head, []).append((name, rest, value))
+    parts = {}
+    for head, own in by_field.items():
+        part = getattr(parameters, head)
+        for name, _, value in (change for change in own if not change[1]):
+            part = _interpret(part, head, value, name)
+        within = [change for change in own if change[1]]
+        parts[head] = _override(part, within, scenario) if within else part
+    return dataclasses.replace(parameters, **parts)
 
 
 def _interpret(old: Any, field_name: str, value: Any, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan and covariance ellipse (pygame-ce).
+"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan, range ring and covariance ellipse (pygame-ce).
 
 All that it draws it reads from a ``Simulation``; it changes nothing. Shapes are painted at twice the size and scaled
 down, which smooths their edges; text is written last. The legend beside the map is in ``legend.py``.
@@ -7,11 +7,12 @@ down, which smooths their edges; text is written last. The legend beside the map
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tagtrack.envs.legend import (
+    BEARING_KINDS,
     BELIEF,
     CROSS,
     FISH,
@@ -35,7 +36,15 @@ FINE = 2  # painted at so many times the size
 SIDE = MAP * FINE
 NEAREST_VIEW = 70.0  # half the width of the closest view [m]
 ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distribution [standard deviations]
-BEARING_KINDS = (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT)
+
+
+class Reading(NamedTuple):
+    """The last reading of a vehicle and a tag; NaN for what the receiver does not tell."""
+
+    place: np.ndarray  # of the vehicle, as it believed [m]
+    compass: float
+    units: float  # [Lotek]
+    radius: float  # the horizontal range [m]: of a presence receiver the one believed
 
 
 class Picture:
@@ -64,8 +73,7 @@ class Picture:
     def _begin(self) -> None:
         self._vehicle_track: list[np.ndarray] = []
         self._fish_track: list[np.ndarray] = []
-        # Where, compass, and units, or the horizontal range [m].
-        self._readings: dict[tuple[int, int], tuple[np.ndarray, float, float]] = {}
+        self._readings: dict[tuple[int, int], Reading] = {}
         self._low = np.full(2, -NEAREST_VIEW)
         self._high = np.full(2, NEAREST_VIEW)
 
@@ -77,26 +85,25 @@ class Picture:
         self._vehicle_track.append(simulation.vehicle_position[world])
         self._fish_track.append(simulation.fish_position[world].astype(float))
         for v, t in np.argwhere(simulation.detected[world]).tolist():
-            vehicle = simulation.worlds.vehicles[world, v]
-            place = np.array([vehicle["believed_x"], vehicle["believed_y"]])
-            self._readings[v, t] = (place, float(vehicle["compass"]), self._reading(v, t))
+            self._readings[v, t] = self._read(v, t)
         for points in (self._vehicle_track[-1], self._fish_track[-1], self._particles()):
             self._low = np.minimum(self._low, points.min(axis=0))  # the view only widens, so that it holds still
             self._high = np.maximum(self._high, points.max(axis=0))
 
-    def _reading(self, v: int, t: int) -> float:
-        """Lotek units, or the distance [m] that the reading tells: of a presence receiver the range believed."""
+    def _read(self, v: int, t: int) -> Reading:
         worlds, world = self._simulation.worlds, self._world
-        contact, kind = worlds.contacts[world, v, t], self._simulation.scenario.receiver.kind
-        if kind in BEARING_KINDS:
-            return float(contact["units"])
-        if kind == ReceiverKind.RANGE:
-            return math.sqrt(max(float(contact["slant_range"]) ** 2 - float(contact["depth"]) ** 2, 0.0))
-        return float(worlds.beliefs["max_range"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
+        contact, vehicle = worlds.contacts[world, v, t], worlds.vehicles[world, v]
+        kind = self._simulation.scenario.receiver.kind
+        place = np.array([vehicle["believed_x"], vehicle["believed_y"]])
+        radius = math.sqrt(max(float(contact["slant_range"]) ** 2 - float(contact["depth"]) ** 2, 0.0))
+        if kind == ReceiverKind.PRESENCE:
+            radius = float(worlds.beliefs["max_range"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
+        units = float(contact["units"]) if kind in BEARING_KINDS else math.nan
+        return Reading(place, float(vehicle["compass"]), units, math.nan if kind == ReceiverKind.STEREO else radius)
 
     def _tell_readings(self) -> list[str]:
-        stereo = self._simulation.scenario.receiver.kind in BEARING_KINDS
-        return [f"{value:+.0f}" if stereo else f"{value:.0f} m" for _, _, value in self._readings.values()]
+        told = [((f"{each.units:+.0f}", each.units), (f"{each.radius:.0f} m", each.radius)) for each in self._readings.values()]
+        return [", ".join(text for text, value in pair if math.isfinite(value)) for pair in told]
 
     def paint(self) -> np.ndarray:
         """The picture, (MAP, MAP + PANEL, 3) uint8."""
@@ -164,16 +171,17 @@ class Picture:
             self._pygame.draw.line(self._canvas, GRID, (0, y), (SIDE, y), FINE)
 
     def _paint_readings(self) -> None:
-        """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, or a ring at its range."""
+        """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, and a ring at its range."""
         receiver = self._simulation.scenario.belief.receiver
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
-        for (v, t), (place, compass, reading) in self._readings.items():
-            age = self._simulation.worlds.contacts["silence"][self._world, v, t]
-            colour = (*VEHICLE, 20 + 60 * math.exp(-age / 30.0))  # it fades
+        for (v, t), reading in self._readings.items():
+            fresh = math.exp(-self._simulation.worlds.contacts["silence"][self._world, v, t] / 30.0)  # it fades
             if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)):
-                self._paint_fan(layer, colour, place, compass, reading, receiver.bearing_sigma)
-            else:
-                self._pygame.draw.circle(layer, colour, self._pixel(place), reading * self._scale, 4 * FINE)
+                colour = (*VEHICLE, 20 + 60 * fresh)
+                self._paint_fan(layer, colour, reading.place, reading.compass, reading.units, receiver.bearing_sigma)
+            if math.isfinite(reading.radius):
+                colour = (*VEHICLE, (20 + 60 * fresh) * (1 + math.isfinite(reading.units)))  # to show on the fan
+                self._pygame.draw.circle(layer, colour, self._pixel(reading.place), reading.radius * self._scale, 4 * FINE)
         self._canvas.blit(layer, (0, 0))
 
     def _paint_fan(self, layer: Any, colour: Any, place: np.ndarray, compass: float, units: float, sigma: float) -> None:

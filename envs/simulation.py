@@ -3,47 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numba
 import numpy as np
 
-from tagtrack.envs.belief.filter import BELIEF, FilterRule, filter_rule, make_scratch
+from tagtrack.envs.belief.filter import BELIEF, make_scratch
 from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.observation import SCALES, Feature, Scale, action_names, features
-from tagtrack.envs.scenario import REWARD_TERMS, Reward, Scenario, Start
-from tagtrack.envs.sim.acoustics import CONTACT, Water
-from tagtrack.envs.sim.motion import MotionRule, Replay
-from tagtrack.envs.sim.receivers import ReceiverRule
+from tagtrack.envs.observation import Feature, action_names, features
+from tagtrack.envs.scenario import REWARD_TERMS, Scenario
+from tagtrack.envs.sim.acoustics import CONTACT
+from tagtrack.envs.sim.motion import Replay
 from tagtrack.envs.sim.replay import NO_TRACKS, TrackTable, make_table
-from tagtrack.envs.sim.tags import TARGET, Tag
+from tagtrack.envs.sim.tags import TARGET
 from tagtrack.envs.sim.tracks import Track
-from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle
+from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
+from tagtrack.envs.world_rule import world_rule
 
 LARGEST_SEED = 2**63 - 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorldRule:
-    """A scenario as compiled code reads it."""
-
-    time_step: float
-    episode_steps: int
-    speed_control: bool
-    vehicle: Vehicle
-    fish: MotionRule
-    start: Start
-    tag: Tag
-    water: Water
-    receiver: ReceiverRule
-    belief: FilterRule
-    reward: Reward
-    scale: Scale
 
 
 class Simulation:
@@ -69,7 +50,7 @@ class Simulation:
         self.threads = min(int(threads), self.num_worlds)
         self.features: tuple[Feature, ...] = features(scenario.targets, scenario.receiver.kind)
         self.action_names = action_names(scenario.speed_control)
-        self._parameters = to_record(_world_rule(scenario))
+        self._parameters = to_record(world_rule(scenario))
         self._tracks = _track_table(scenario, tracks)
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
         particles = scenario.belief.particles
@@ -230,28 +211,11 @@ def _bind(kernel: Any, *arguments: Any) -> Any:
     return kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
-def _world_rule(scenario: Scenario) -> WorldRule:
-    return WorldRule(
-        time_step=scenario.time_step,
-        episode_steps=scenario.episode_steps,
-        speed_control=scenario.speed_control,
-        vehicle=scenario.vehicle,
-        fish=scenario.fish.rule(scenario.time_step),
-        start=scenario.start,
-        tag=scenario.tag,
-        water=scenario.water,
-        receiver=scenario.receiver.rule(),
-        belief=filter_rule(scenario.belief, scenario.time_step),
-        reward=scenario.reward,
-        scale=SCALES[scenario.receiver.kind],
-    )
-
-
 def _track_table(scenario: Scenario, tracks: Sequence[Track] | None) -> TrackTable:
     if isinstance(scenario.fish, Replay):
         if tracks is None:
             raise ValueError("a scenario with a replayed fish needs a track; give tracks=FILE")
-        return make_table(tracks, scenario.fish, scenario.time_step, scenario.episode_steps)
+        return make_table(tuple(tracks), scenario.fish, scenario.time_step, scenario.episode_steps)
     if tracks is not None:
         raise ValueError(f"a track was given, but the fish moves by {type(scenario.fish).__name__}; make it a Replay")
     return NO_TRACKS

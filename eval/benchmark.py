@@ -11,7 +11,7 @@ import tyro
 
 from tagtrack.eval.comparison import Comparison, compare, typical_episodes
 from tagtrack.eval.contestants import find_makers, name_contestants
-from tagtrack.eval.options import EpisodeOptions, TaskOptions
+from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import print_table, write_benchmark, write_json
@@ -34,7 +34,7 @@ class Benchmark:
     lost where the error exceeds the scenario's lost_error.
     """
 
-    task: TaskOptions = field(default_factory=lambda: TaskOptions(particles=4000))
+    task: ManyParticles = field(default_factory=ManyParticles)
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs.
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
@@ -62,7 +62,7 @@ class Benchmark:
             )
         print_table(comparison)  # before it is written: a full disk must not cost the result
         asked = {
-            **self.task.describe(),
+            **self.task.describe(task),
             "replayed": task.describe_tracks(),
             "policies": specs,
             "episodes": trial.episodes,

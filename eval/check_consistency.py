@@ -71,7 +71,7 @@ class Consistency:
             )
         figures = summarize_consistency(traced.mean - traced.fish, traced.covariance)
         document = {
-            **self.task.describe(),
+            **self.task.describe(task),
             "policy": name,
             "episodes": trial.episodes,
             "seed": trial.seed,

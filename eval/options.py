@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
+from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, find_scenario
 from tagtrack.envs.task import Task, build_task, parse_overrides, require_single
 
@@ -31,12 +32,16 @@ class TaskOptions:
     """How fast it swims its track: 0.5 is half the recorded speed."""
     motion: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own)")] = None
     """How the fish moves instead: momentum, brownian, levy or boat (as --set fish=levy); not with --tracks."""
-    particles: int = 1000
+    particles: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(the scenario's or preset's own)")] = None
     """Particles of the belief."""
+
+    least_particles: ClassVar[int] = 0  # without --particles
 
     def build(self) -> Task:
         """The task. Raises ValueError or FileNotFoundError with one line on what is wrong."""
         task = build_task(self.env, **self.make_options())
+        if self.particles is None and task.scenario.belief.particles < self.least_particles:
+            task = task._replace(scenario=with_overrides(task.scenario, {"belief.particles": self.least_particles}))
         require_single(task.scenario, "python -m eval")
         return task
 
@@ -58,9 +63,21 @@ class TaskOptions:
             "overrides": overrides,
         }
 
-    def describe(self) -> dict[str, Any]:
-        """The choices as JSON has them."""
-        return {"env": self.env_id, **self.make_options()}
+    def describe(self, task: Task) -> dict[str, Any]:
+        """The choices as JSON has them, with the number of particles of the ``task`` built."""
+        return {"env": self.env_id, **self.make_options(), "particles": task.scenario.belief.particles}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManyParticles(TaskOptions):
+    """Which task, its belief with many particles."""
+
+    particles: Annotated[
+        int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(4000, or the scenario's or preset's own if more)")
+    ] = None
+    """Particles of the belief."""
+
+    least_particles: ClassVar[int] = 4000
 
 
 @dataclass(frozen=True, kw_only=True)

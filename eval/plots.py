@@ -106,7 +106,8 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
             axes.plot(*path[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
             axes.plot(*path[-1], "s", color=colour, ms=5, zorder=4)
         error = np.nanmean(np.hypot(*(track.belief - track.fish).T))
-        axes.set_title(f"{name}: mean error {error:.3g} m", fontsize=10, color=INK)
+        digits = ".3g" if error < 1000 else ".0f"
+        axes.set_title(f"{name}\nmean error {error:{digits}} m", fontsize=10, color=INK)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         _scale_bar(axes, low, high)
         if index + columns >= len(tracks):  # no panel below

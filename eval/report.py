@@ -102,8 +102,9 @@ def caption(document: Document) -> str:
             "every ping, each arrival with an error of 1 ms, and locate it by WLS-ML."
         )
     if tracks := document.get("tracks"):
+        source = f" of {tracks['file']}" if tracks["file"] else ""  # none for tracks that a program made
         text += (
-            f" The fish swim recorded tracks of {tracks['file']} at {tracks['time_scale']:g} times their speed: animals "
+            f" The fish swim recorded tracks{source} at {tracks['time_scale']:g} times their speed: animals "
             f"{tracks['animals']}, unbroken stretches {tracks['stretches']}, {tracks['hours']:g} h in all."
         )
     return text

@@ -13,7 +13,7 @@ import tyro
 from tagtrack.baselines.registry import baseline_parameters
 from tagtrack.eval.comparison import Comparison, compare
 from tagtrack.eval.contestants import name_contestants
-from tagtrack.eval.options import EpisodeOptions, TaskOptions
+from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.plots import TradeoffCurve, plot_tradeoff, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
@@ -34,7 +34,7 @@ class Tradeoff:
     Which perimeter is judged by is the scenario's (--set reward.perimeter=20); the heuristics get perimeters of their own.
     """
 
-    task: TaskOptions = field(default_factory=lambda: TaskOptions(env="TagTrack/LeopardSharkStandoff-v0", particles=4000))
+    task: ManyParticles = field(default_factory=lambda: ManyParticles(env="TagTrack/LeopardSharkStandoff-v0"))
     heuristics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="BASELINE ...")] = ("three_step", "circle")
     """Baselines; each takes the perimeters or, where it has none, the radii."""
     perimeters: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (10, 15, 20, 30, 40)
@@ -67,7 +67,7 @@ class Tradeoff:
                 env_id=env_id,
                 on_step=advance,
             )
-        document = tradeoff_document(comparison, curves, {**self.task.describe(), "versions": collect_versions()})
+        document = tradeoff_document(comparison, curves, {**self.task.describe(task), "versions": collect_versions()})
         table = tradeoff_rows(document)
         rich.print(as_console_table(*table))
         with replace_results(out, OWN_FILES) as folder:

@@ -43,7 +43,7 @@ FLOORS = (
     ("belief",),
     ("scenario",),
     ("observation", "overrides", "presets", "reward"),
-    ("world",),
+    ("world", "world_rule"),
     ("simulation",),
     ("legend", "task"),
     ("rendering",),
@@ -203,7 +203,7 @@ def test_every_import_is_a_declared_dependency_and_optional_ones_wait_in_functio
 
     extras = PROJECT["project"]["optional-dependencies"]
     required = names(PROJECT["project"]["dependencies"])
-    optional = names(extras["render"] + extras["tensorboard"])
+    optional = names(extras["render"] + extras["tensorboard"] + extras["geo"])
 
     def is_declared(found: Import) -> bool:
         name = DISTRIBUTIONS.get(found.top, found.top)

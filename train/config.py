@@ -32,7 +32,7 @@ class TrainConfig:
     preset: str | None = None
     """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
     particles: int | None = None
-    """Particles of the filter; default the environment's (1000)."""
+    """Particles of the filter; default the environment's or preset's own (1000 for most)."""
     tracks: Path | None = None
     """A csv file (t_unix_s,x,y; of several animals with a column tag) of recorded tracks for the fish to swim."""
     time_scale: float | None = None

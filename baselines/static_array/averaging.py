@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tagtrack.baselines.static_array.model import Floats, Pings, arrival_information
 from tagtrack.baselines.static_array.robust import add_variance
 
-REFUSED_BEYOND = 6.0  # median absolute residuals: four standard deviations of a Gaussian
+REFUSED_BEYOND = 9.0  # median absolute residuals: six standard deviations of a Gaussian
 PASSES = 4
 
 

@@ -33,7 +33,6 @@ class PairClock:
     """A receiver's clock against its neighbour's in the tree that leads to the reference."""
 
     neighbour: str
-    votes: int
     line: ClockModel  # through the initial points (step i)
     curve: ClockModel  # through all of the pair (step ii)
 
@@ -97,7 +96,8 @@ def coarse_clocks(
 
     Args:
         sync: detections of the sync tags on raw clocks. reference: receiver; by default the one whose clock is in the middle.
-        degree: of the polynomials. largest_offset: that is searched between two clocks [s].
+        degree: of the polynomials. largest_offset: that is searched between two clocks [s]; of tags that ping at a fixed
+            interval no difference stands out unless this is below half of it. progress: told of each pair.
     """
     by_receiver = [sync.take(sync.receiver == index) for index in range(len(sync.receivers))]
     seeds: dict[tuple[int, int], Seed] = {}
@@ -227,21 +227,11 @@ def fit_within_tags(differences: Differences, rows: NDArray[np.intp], degree: in
     return origin, np.concatenate([[level], shape / span ** np.arange(1, degree + 1)])
 
 
-def _pair_clock(
-    receiver: str, neighbour: str, differences: Differences, seed: Seed, degree: int
-) -> PairClock:
-    initial, found = follow(differences, seed)
+def _pair_clock(receiver: str, neighbour: str, differences: Differences, seed: Seed, degree: int) -> PairClock:
+    """The line through the initial points of a pair, and the curve through all."""
     models = []
-    for rows, power in ((initial, 1), (found, degree)):
+    for rows, power in zip(follow(differences, seed), (1, degree), strict=True):
         origin, coefficients = fit_within_tags(differences, rows, power)
-        last = float(differences.time[rows].max())
-        models.append(
-            ClockModel(
-                receiver=receiver,
-                reference=neighbour,
-                limits=np.array([origin, last]),
-                coefficients=coefficients[None],
-                points=rows.size,
-            )
-        )
-    return PairClock(neighbour=neighbour, votes=seed.votes, line=models[0], curve=models[1])
+        limits = np.array([origin, float(differences.time[rows].max())])
+        models.append(ClockModel(receiver=receiver, reference=neighbour, limits=limits, coefficients=coefficients[None]))
+    return PairClock(neighbour=neighbour, line=models[0], curve=models[1])

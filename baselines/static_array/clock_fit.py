@@ -12,6 +12,7 @@ segments). Transmission times are many and are not solved for: taking the mean o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from tagtrack.baselines.static_array.travel import TravelTimes
 DAY = 86400.0
 POINTS_FOR_COEFFICIENT = 5  # fewer in a segment join it to the next one; fewer in all lower the degree
 SMALLEST_CUT = 1e-3  # no reception is an outlier that fits this well [s]
+MOST_ROUNDS = 20  # of leaving outliers out
 NEGLIGIBLE = 1e-9  # eigenvalue of the scaled normal matrix, as a share of the largest
 
 
@@ -98,6 +100,14 @@ class Fit:
     undetermined: tuple[int, ...]  # receivers whose clock the data leave open
 
 
+class Solution(NamedTuple):
+    """Of a least squares problem of P unknowns."""
+
+    value: Floats  # (P,), of least norm where unknowns are open
+    rank: int
+    open: NDArray[np.bool_]  # (P,): left open by the data
+
+
 def spline_of(time: Floats, ahead: Floats, degree: int, segment: float | None) -> Spline:
     """A spline for a receiver's points (N,) [s], ``ahead`` (N,) [s] of the reference, with a knot each ``segment`` [s].
 
@@ -130,24 +140,13 @@ def fit_clocks(
     Args:
         reference: the receiver whose clock is the time. degree: of the polynomials. segment: their length [s]; None for one.
     """
-    splines = {}
-    reduced = receptions.time.copy()
-    for receiver in np.unique(receptions.receiver).tolist():
-        rows = receptions.receiver == receiver
-        time = receptions.time[rows]
-        spline = spline_of(time, time - receptions.coarse[rows], degree, segment)
-        if receiver != reference:
-            splines[receiver] = spline
-            reduced[rows] -= spline.line[0] + spline.line[1] * (time - spline.begin) / DAY
-    everything = np.ones(reduced.size, dtype=np.bool_)
-    reduced -= receptions.ping_mean(reduced, everything)  # small numbers: milliseconds of 1.6e9 s would lose digits
-    reduced -= travel.known[receptions.tag, receptions.receiver]
+    splines, reduced = _reduce(receptions, travel, reference, degree, segment)
     design = _design(receptions, travel, splines)
-    used = everything
-    for _ in range(20):
-        solution, rank, open_columns = _solve(design, reduced, receptions.ping, used)
-        misfit = reduced - design @ solution
-        kept = is_regular(misfit - receptions.ping_median(misfit), SMALLEST_CUT)
+    used = np.ones(reduced.size, dtype=np.bool_)
+    for _ in range(MOST_ROUNDS):
+        found = _solve(design, reduced, receptions.ping, used)
+        misfit = reduced - design @ found.value
+        kept = _regular(receptions, misfit - receptions.ping_median(misfit))
         if np.array_equal(kept, used):
             break
         used = kept
@@ -156,19 +155,46 @@ def fit_clocks(
     limits, coefficients, undetermined, column = {}, {}, [], 0
     for receiver, spline in splines.items():
         own = slice(column, column + spline.columns)
-        limits[receiver], coefficients[receiver] = spline.pieces(solution[own])
-        undetermined += [receiver] if open_columns[own].any() else []
+        limits[receiver], coefficients[receiver] = spline.pieces(found.value[own])
+        undetermined += [receiver] if found.open[own].any() else []
         column += spline.columns
     pings = np.unique(receptions.ping[used]).size
-    freedom = int(used.sum()) - pings - rank
     return Fit(
         limits=limits,
         coefficients=coefficients,
         residual=residual,
         used=used,
-        freedom=freedom,
+        freedom=int(used.sum()) - pings - found.rank,
         undetermined=tuple(undetermined),
     )
+
+
+def _reduce(
+    receptions: Receptions, travel: TravelTimes, reference: int, degree: int, segment: float | None
+) -> tuple[dict[int, Spline], Floats]:
+    """A spline for each receiver but the reference, and times (N,) less its line, the known travel time and the mean of the ping.
+
+    What is left is small: milliseconds beside 1.6e9 s would lose their digits.
+    """
+    splines = {}
+    reduced = receptions.time.copy()
+    for receiver in np.unique(receptions.receiver).tolist():
+        rows = receptions.receiver == receiver
+        if receiver != reference:
+            time = receptions.time[rows]
+            splines[receiver] = spline = spline_of(time, time - receptions.coarse[rows], degree, segment)
+            reduced[rows] -= spline.line[0] + spline.line[1] * (time - spline.begin) / DAY
+    reduced -= receptions.ping_mean(reduced, np.ones(reduced.size, dtype=np.bool_))
+    return splines, reduced - travel.known[receptions.tag, receptions.receiver]
+
+
+def _regular(receptions: Receptions, from_median: Floats) -> NDArray[np.bool_]:
+    """Which receptions (N,) are no outliers among those of their receiver: a clock that no polynomial follows keeps its own."""
+    kept = np.ones(from_median.size, dtype=np.bool_)
+    for receiver in np.unique(receptions.receiver):
+        rows = receptions.receiver == receiver
+        kept[rows] = is_regular(from_median[rows], SMALLEST_CUT)
+    return kept
 
 
 def _design(receptions: Receptions, travel: TravelTimes, splines: dict[int, Spline]) -> csr_array:
@@ -184,10 +210,8 @@ def _design(receptions: Receptions, travel: TravelTimes, splines: dict[int, Spli
     return csr_array(hstack(blocks))
 
 
-def _solve(
-    design: csr_array, value: Floats, ping: NDArray[np.intp], used: NDArray[np.bool_]
-) -> tuple[Floats, int, NDArray[np.bool_]]:
-    """Least squares over the used rows with a free level for each ping: solution (P,), rank, and the columns left open (P,)."""
+def _solve(design: csr_array, value: Floats, ping: NDArray[np.intp], used: NDArray[np.bool_]) -> Solution:
+    """Least squares over the used rows (N,) with a free level for each ping."""
     rows = np.flatnonzero(used)
     matrix, right, member = design[rows], value[rows], ping[rows]
     count = np.maximum(np.bincount(member), 1)
@@ -200,4 +224,4 @@ def _solve(
     clear = eigenvalue > NEGLIGIBLE * max(float(eigenvalue.max(initial=0.0)), 1e-300)
     inverse = np.where(clear, 1 / np.where(clear, eigenvalue, 1.0), 0.0)
     solution = vector @ (inverse * (vector.T @ (target / scale))) / scale
-    return solution, int(clear.sum()), np.any(np.abs(vector[:, ~clear]) > 1e-3, axis=1)
+    return Solution(solution, int(clear.sum()), np.any(np.abs(vector[:, ~clear]) > 1e-3, axis=1))

@@ -64,16 +64,6 @@ class ClockModel:
         }
 
 
-def straight_clock(receiver: str, reference: str, limits: ArrayLike, offset: float, drift: float) -> ClockModel:
-    """A clock of one segment that is ``offset`` [s] ahead at its first limit and gains ``drift`` [s/s]."""
-    return ClockModel(
-        receiver=receiver,
-        reference=reference,
-        limits=np.asarray(limits, dtype=np.float64),
-        coefficients=np.array([[offset, drift]]),
-    )
-
-
 def correct(detections: Detections, models: Mapping[str, ClockModel]) -> Detections:
     """Detections as the reference's clock shows them, in order of time; those of receivers without a model are left out."""
     time = detections.time.copy()

@@ -23,7 +23,7 @@ from tagtrack.baselines.static_array.travel import SyncTag, travel_times
 
 __all__ = ["ClockModel", "SyncSetting", "SyncTag", "Synchronization", "correct", "synchronize"]
 
-NOTHING_SHARED = "shares too few pings of sync tags with the others"
+NOTHING_SHARED = "shares too few pings of sync tags with the others, or none that stand out"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class SyncSetting:
     degree: int = 3  # of the polynomials (N of Eq. 18)
     segment: float | None = None  # length of a segment [s]; None: one polynomial for all the time
     window: float = DEFAULT_WINDOW  # of a ping after the coarse correction [s]
-    largest_offset: float = 600.0  # between two raw clocks [s]
+    largest_offset: float = 600.0  # between two raw clocks [s]; below half the interval of tags that ping regularly
 
     def __post_init__(self) -> None:
         for name in ("sound_speed", "segment", "window", "largest_offset"):
@@ -99,7 +99,7 @@ def synchronize(
         sync, reference=reference, degree=setting.degree, largest_offset=setting.largest_offset, progress=progress
     )
     if not coarse.pairs:
-        raise ValueError(f"{coarse.reference} shares too few pings of sync tags with any other receiver to compare clocks")
+        raise ValueError(f"{coarse.reference} {NOTHING_SHARED}: clocks cannot be compared")
     receptions, echoes, alone = match_receptions(sync, coarse, setting.window)
     root = sync.receivers.index(coarse.reference)
     fit = fit_clocks(receptions, travel, root, degree=setting.degree, segment=setting.segment)

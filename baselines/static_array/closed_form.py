@@ -98,7 +98,7 @@ class _Equations(NamedTuple):
         count = offset.shape[1]
         first = np.concatenate([offset, self.best_range[:, None]], axis=1)
         along = np.concatenate([self.slope, np.ones((len(offset), 1))], axis=1)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             covariance = along[:, :, None] * along[:, None, :] / self.range_information[:, None, None]
         covariance[:, :count, :count] += self.spread
         point = np.concatenate([offset, np.linalg.norm(offset, axis=1)[:, None]], axis=1)

@@ -181,4 +181,4 @@ def inverse_or_nan(matrix: Floats) -> Floats:
 
 def pings_last(value: Floats) -> Floats:
     """(K, ...) as (..., K): sums over receivers and axes then run along the pings, ten times faster. Copies only if it must."""
-    return np.ascontiguousarray(np.moveaxis(value, 0, -1))
+    return np.ascontiguousarray(value.transpose(*range(1, value.ndim), 0))

@@ -20,7 +20,7 @@ from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, P
 from tagtrack.baselines.static_array.robust import reweigh
 
 MOST_STEPS = 60
-SHORTEST_STEP = 1e-4  # [m]
+SHORTEST_STEP = 1e-3  # [m]
 FIRST_DAMPING = 1e-3
 SHORTEST_INTERVAL = 1e-3  # [s]: pings at one time would have no process noise between them
 FIRST_SPANS = 10.0  # spans of the array: standard deviation of the prior of the first position

@@ -7,6 +7,7 @@ estimated. The paper gives no window. Each position comes from its own ping and 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,11 +48,11 @@ def map_marginal(
     first = np.where(np.isfinite(fixes[0]), fixes[0], likelihood.centre)
     whole = make_track(likelihood, np.diff(pings.time), setting, first)
     oldest, state = 0, np.empty((0, 2 * count))
-    prior = whole.first, np.linalg.inv(whole.first_precision)  # of the oldest
+    prior = _Gaussian(whole.first, _inverse(whole.first_precision))  # of the oldest
     ahead = prior  # of the newest, before its ping
     for newest in range(len(likelihood)):
         state = np.concatenate([state, _start(ahead, fixes[newest], likelihood.take(slice(newest, newest + 1)))[None]])
-        part = _window(whole, oldest, newest, *prior)
+        part = _window(whole, oldest, newest, prior)
         state = part.descend(state)
         if robust:
             part, state = descend_robustly(part, state, MOST_REWEIGHTINGS)
@@ -65,19 +66,30 @@ def map_marginal(
     return Positions(position=position, covariance=covariance)
 
 
-def _window(whole: Track, oldest: int, newest: int, mean: Floats, covariance: Floats) -> Track:
+class _Gaussian(NamedTuple):
+    """What is known of a state."""
+
+    mean: Floats  # (2n,)
+    covariance: Floats  # (2n, 2n)
+
+
+def _inverse(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+
+
+def _window(whole: Track, oldest: int, newest: int, prior: _Gaussian) -> Track:
     """The track from one ping to another, with what the older ones tell as the prior of its first state."""
     return replace(
         whole,
         likelihood=whole.likelihood.take(slice(oldest, newest + 1)),
         transition=whole.transition[oldest:newest],
         precision=whole.precision[oldest:newest],
-        first=mean,
-        first_precision=np.linalg.inv(covariance),
+        first=prior.mean,
+        first_precision=_inverse(prior.covariance),
     )
 
 
-def _start(ahead: tuple[Floats, Floats], fix: Floats, ping: Likelihood) -> Floats:
+def _start(ahead: _Gaussian, fix: Floats, ping: Likelihood) -> Floats:
     """Where the newest state (2n,) starts: as predicted, or at the fix of its ping where motion and ping together prefer that."""
     mean, covariance = ahead
     count = len(fix)
@@ -89,14 +101,14 @@ def _start(ahead: tuple[Floats, Floats], fix: Floats, ping: Likelihood) -> Float
     return mean + jump if better else mean
 
 
-def _predict(whole: Track, index: int, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Mean (2n,) and covariance (2n, 2n) at the ping after ``index``."""
+def _predict(whole: Track, index: int, mean: Floats, covariance: Floats) -> _Gaussian:
+    """The state at the ping after ``index``, from a mean (2n,) and a covariance (2n, 2n) at that."""
     transition = whole.transition[index]
-    noise = np.linalg.inv(whole.precision[index])
-    return transition @ mean, transition @ covariance @ transition.T + noise
+    noise = _inverse(whole.precision[index])
+    return _Gaussian(transition @ mean, transition @ covariance @ transition.T + noise)
 
 
-def _marginalize(part: Track, whole: Track, oldest: int, state: Floats) -> tuple[Floats, Floats]:
+def _marginalize(part: Track, whole: Track, oldest: int, state: Floats) -> _Gaussian:
     """The oldest state (2n,) with its ping as a Gaussian on the next."""
     count = part.likelihood.dimensions
     ping = part.likelihood.take(slice(0, 1)).derivatives(state[None, :count])
@@ -104,5 +116,5 @@ def _marginalize(part: Track, whole: Track, oldest: int, state: Floats) -> tuple
     precision[:count, :count] += ping.information[0]
     pull = part.first_precision @ (part.first - state)
     pull[:count] -= ping.gradient[0]
-    covariance = np.linalg.inv(precision)
+    covariance = _inverse(precision)
     return _predict(whole, oldest, state + covariance @ pull, covariance)

@@ -17,7 +17,7 @@ from tagtrack.baselines.static_array.robust import reweigh
 
 MOST_STEPS = 60
 SHORTEST_STEP = 1e-6  # [m]
-FIRST_DAMPING = 1e-3  # relative to the mean curvature, after a step that did not improve
+FIRST_DAMPING = 1e-4  # relative to the mean curvature, after a step that did not improve
 FARTHEST = 20.0  # spans of the array from its centre: beyond, wavefronts are plane and tell a direction only
 IMPLAUSIBLE = 0.05  # probability of a worse fit, below which WLS-ML also tries the other starts
 AT_ONCE = 20_000  # descents: more do not fit in a processor's cache

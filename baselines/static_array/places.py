@@ -40,19 +40,24 @@ class Placing:
     translation: Floats  # (2,) [m]
     residual: Floats  # (P, 2) of reference points, less the placed ones [m]
 
+    def move(self, position: Floats) -> Floats:
+        """Points (P, 2) where they belong."""
+        return np.asarray(position @ self.rotation.T + self.translation)
+
     def place(self, places: Places) -> Places:
         """The places where they belong; the error of the reference points is not added."""
         count = len(places.position)
         turn = np.kron(np.eye(count), self.rotation)
-        position = places.position @ self.rotation.T + self.translation
-        return Places(position=position, covariance=turn @ places.covariance @ turn.T, residual=places.residual)
+        return Places(position=self.move(places.position), covariance=turn @ places.covariance @ turn.T, residual=places.residual)
 
 
-def places_from_distances(pairs: ArrayLike, distance: ArrayLike, sd: ArrayLike) -> Places:
+def places_from_distances(pairs: ArrayLike, distance: ArrayLike, sd: ArrayLike, start: ArrayLike | None = None) -> Places:
     """Places of R points from M distances between them.
 
     Args:
         pairs: (M, 2) indices 0..R-1. distance: (M,) [m]. sd: (M,) of them [m]; NaN where unknown (taken as the largest known).
+        start: (R, 2) rough places [m], which tell apart the two sides on which a point with two distances can lie. Without
+            them multidimensional scaling gives a start.
     Raises:
         ValueError: if the distances leave a shape open (fewer than 2R - 3 of them, or points that hang by too few), or are
             not positive.
@@ -60,27 +65,42 @@ def places_from_distances(pairs: ArrayLike, distance: ArrayLike, sd: ArrayLike) 
     ends = np.asarray(pairs, dtype=np.intp)
     measured, spread = np.asarray(distance, dtype=np.float64), np.asarray(sd, dtype=np.float64)
     if not (np.isfinite(measured) & (measured > 0)).all():
-        raise ValueError(f"distances must be positive, got {measured[~(measured > 0)][0]!r} m; are the clocks corrected?")
+        raise ValueError(f"distances must be positive, got {float(measured[~(measured > 0)][0])} m; are the clocks corrected?")
     count = int(ends.max()) + 1
     known = spread[np.isfinite(spread)]
     spread = np.maximum(np.where(np.isfinite(spread), spread, known.max(initial=1.0)), SMALLEST_SD)
     if count < 3 or len(measured) < 2 * count - 3:
         needed = max(2 * count - 3, 3)
         raise ValueError(f"the shape of {count} receivers takes {needed} distances (and 3 receivers), got {len(measured)}")
+    rough = scaled_start(ends, measured, count) if start is None else np.asarray(start, dtype=np.float64)
+    position = place_freely(rough).move(rough).ravel()
+    shape = np.setdiff1d(np.arange(2 * count), (0, 1, 3))  # the first stays at the origin, the second on the x-axis
 
-    def misfit(flat: Floats) -> Floats:
-        step = flat.reshape(-1, 2)[ends[:, 0]] - flat.reshape(-1, 2)[ends[:, 1]]
-        return (np.hypot(*step.T) - measured) / spread
+    def misfit(free: Floats) -> Floats:
+        position[shape] = free
+        return (np.hypot(*_steps(position, ends).T) - measured) / spread
 
-    fit = least_squares(misfit, scaled_start(ends, measured, count).ravel(), jac="3-point", xtol=1e-12, ftol=1e-12)
-    eigenvalue, vector = np.linalg.eigh(fit.jac.T @ fit.jac)
+    fit = least_squares(misfit, position[shape], method="lm", xtol=1e-12, ftol=1e-12)
+    residual = misfit(fit.x)
+    step = _steps(position, ends)
+    direction = step / np.hypot(*step.T)[:, None] / spread[:, None]
+    jacobian = np.zeros((len(measured), count, 2))
+    np.put_along_axis(jacobian, ends[:, :1, None], direction[:, None], axis=1)
+    np.put_along_axis(jacobian, ends[:, 1:, None], -direction[:, None], axis=1)
+    flat = jacobian.reshape(len(measured), -1)
+    eigenvalue, vector = np.linalg.eigh(flat.T @ flat)
     if eigenvalue[3] <= 1e-8 * eigenvalue[-1]:  # three are zero: position and bearing
         raise ValueError("the distances leave the shape open: a receiver can swing; more pairs must hear each other")
     freedom = len(measured) - (2 * count - 3)
     excess = max(2 * fit.cost / freedom, 1.0) if freedom else 1.0  # distances that disagree by more than their errors
     covariance = (vector[:, 3:] / eigenvalue[3:]) @ vector[:, 3:].T * excess
-    position = fit.x.reshape(-1, 2)
-    return Places(position=position - position.mean(axis=0), covariance=covariance, residual=-fit.fun * spread)
+    points = position.reshape(-1, 2)
+    return Places(position=points - points.mean(axis=0), covariance=covariance, residual=-residual * spread)
+
+
+def _steps(flat: Floats, ends: NDArray[np.intp]) -> Floats:
+    """(M, 2) from the second to the first point of each pair."""
+    return np.asarray(flat.reshape(-1, 2)[ends[:, 0]] - flat.reshape(-1, 2)[ends[:, 1]])
 
 
 def scaled_start(pairs: NDArray[np.intp], distance: Floats, count: int) -> Floats:

@@ -1,7 +1,8 @@
 """Arrivals weighed by how well they agree with the others: Student's t in place of the Gaussian, by reweighting.
 
-Multipath makes a few arrivals late by milliseconds to seconds (Masmitja et al. 2020, "5 % of outliers" in Fig. 2D). The paper has
-no such weights; its remark that the particle filter and ML suffer from outliers is what they answer.
+Multipath makes a few arrivals late by milliseconds to seconds (Masmitja et al. 2020, "5 % of outliers" in Fig. 2D). The paper
+simulates them and has no such weights. They are wrong for errors without tails, as those of a clock that rounds: least squares,
+then, is better.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 SPEEDS = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)  # standard deviations of each axis to choose from [m/s]
 MEMORIES = (30.0, 300.0, 3000.0, 30000.0)  # [s]
 GATE = 13.8  # squared Mahalanobis distance that one ping in a thousand exceeds, chi-square with two degrees of freedom
+MOST_COST = 50.0  # squared distance that a ping left out counts as: outliers cost all walks the same, a lost animal costs one
 PART, MOST_PARTS = 200, 10  # pings from which the parameters are chosen
 FIRST = 10  # pings whose median starts the walk
 
@@ -84,7 +85,7 @@ def choose_walk(time: Floats, position: Floats, covariance: Floats) -> Walk:
         miss = position[rows + k] - state[:, ::2]
         inverse = np.linalg.inv(innovation)
         distance = np.einsum("gi,gij,gj->g", miss, inverse, miss)
-        score -= 0.5 * np.minimum(distance, GATE) + 0.5 * np.log(np.linalg.det(innovation))
+        score -= 0.5 * np.minimum(distance, MOST_COST) + 0.5 * np.log(np.linalg.det(innovation))
         gain = np.where((distance < GATE)[:, None, None], spread[:, :, ::2] @ inverse, 0.0)
         state = state + np.einsum("gij,gj->gi", gain, miss)
         spread = spread - gain @ spread[:, ::2, :]

@@ -105,22 +105,24 @@ def weigh_presence(particles, vehicle, contact, rule, scratch):
 
 
 @compiled
+def read_bearing(vehicle, contact, rule):
+    """Where the vehicle was and headed when it heard a bearing, the bearing, its sigma, and the floor of the weights."""
+    return (
+        f32(vehicle.believed_x), f32(vehicle.believed_y), f32(math.cos(vehicle.compass)), f32(math.sin(vehicle.compass)),
+        f32(contact.units), f32(rule.receiver.bearing_sigma), f32(rule.weight_floor),
+    )  # fmt: skip
+
+
+@compiled
 def weigh_stereo(particles, vehicle, contact, rule, scratch):
     """A bearing, a signal strength or both (Clark et al. 2013, Eqs. 6, 9 and 10)."""
-    x = particles[0]
-    y = particles[1]
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
-    ahead_x = f32(math.cos(vehicle.compass))
-    ahead_y = f32(math.sin(vehicle.compass))
+    x, y = particles[0], particles[1]
+    own_x, own_y, ahead_x, ahead_y, units, sigma, floor = read_bearing(vehicle, contact, rule)
     receiver = rule.receiver
     slope = f32(receiver.strength_slope)
     log_scale = f32(receiver.strength_scale * math.log(10.0))
-    units = f32(contact.units)
     strength = f32(contact.strength)
-    sigma = f32(receiver.bearing_sigma)
     strength_sigma = f32(receiver.strength_sigma)
-    floor = f32(rule.weight_floor)
     if rule.weighting == Weighting.BEARING:
         weigh_bearing(scratch.weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, floor)
     elif rule.weighting == Weighting.STRENGTH:
@@ -136,19 +138,12 @@ def weigh_stereo(particles, vehicle, contact, rule, scratch):
 @compiled
 def weigh_time_of_flight(particles, vehicle, contact, rule, scratch):
     """A bearing, a one-way range or both (Lin et al. 2013, Eq. 8)."""
+    x, y = particles[0], particles[1]
+    own_x, own_y, ahead_x, ahead_y, units, sigma, floor = read_bearing(vehicle, contact, rule)
     receiver = rule.receiver
-    x = particles[0]
-    y = particles[1]
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
-    ahead_x = f32(math.cos(vehicle.compass))
-    ahead_y = f32(math.sin(vehicle.compass))
-    units = f32(contact.units)
-    sigma = f32(receiver.bearing_sigma)
     slant_range = f32(contact.slant_range)
     factor = f32(receiver.range_factor)
     range_sigma = f32(receiver.range_sigma)
-    floor = f32(rule.weight_floor)
     if rule.measurements == Measurements.ANGLE:
         weigh_bearing(scratch.weight, x, y, own_x, own_y, ahead_x, ahead_y, units, sigma, floor)
     elif rule.measurements == Measurements.DISTANCE:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -57,8 +58,9 @@ def find_stretches(tracks: Sequence[Track], replay: Replay, time_step: float, ep
     return long_enough
 
 
-def make_table(tracks: Sequence[Track], replay: Replay, time_step: float, episode_steps: int) -> TrackTable:
-    """The table that the loops below read. Raises ValueError as ``find_stretches`` does."""
+@lru_cache(maxsize=2)  # the simulations of one task share it: two months of sixteen animals take seconds and 600 MB
+def make_table(tracks: tuple[Track, ...], replay: Replay, time_step: float, episode_steps: int) -> TrackTable:
+    """The table that the loops below read, and nobody writes. Raises ValueError as ``find_stretches`` does."""
     stretches = find_stretches(tracks, replay, time_step, episode_steps)
     resampled = [resample_track(stretch, time_step * replay.time_scale) for stretch in stretches]
     rows = np.array([len(positions) for positions in resampled], np.int64)

@@ -35,9 +35,9 @@ class Located:
     removed: int  # arrivals that no place explains
 
     @property
-    def known(self) -> np.ndarray:
+    def known(self) -> NDArray[np.bool_]:
         """(K,) bool: which rows have a position."""
-        return np.isfinite(self.positions.position).all(axis=1)
+        return np.asarray(np.isfinite(self.positions.position).all(axis=1))
 
     @property
     def sd(self) -> Floats:
@@ -164,7 +164,7 @@ def _of_at_least(pings: Pings, receivers: int) -> Pings:
 
 def _certain(positions: Positions, max_sd: float) -> Positions:
     """NaN where the worse direction is less certain than ``max_sd`` [m]."""
-    finite = np.isfinite(positions.covariance).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(positions.covariance).all(axis=(1, 2)))
     largest = np.full(len(finite), np.inf)
     largest[finite] = np.linalg.eigvalsh(positions.covariance[finite])[:, -1]
     certain = (largest <= max_sd**2) & np.isfinite(positions.position).all(axis=1)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +39,8 @@ def plot_map(
     """
     figure, (axes,) = empty_figure(width=8.0, height=7.0)
     origin = np.round(receivers.mean(axis=0), -2)
-    for cloud, colour in zip(clouds, cycle(COLOURS), strict=False):
-        style = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
+    for cloud, colour in zip(clouds, _colours(len(clouds)), strict=True):
+        style: dict[str, Any] = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
         label = cloud.name if len(clouds) <= MOST_NAMED else None
         axes.plot(*(cloud.position - origin).T, color=colour, alpha=0.7, label=label, **style)
     if truth is not None and np.isfinite(truth).any():
@@ -60,5 +59,13 @@ def plot_map(
     axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
     axes.set(xlabel=f"x - {origin[0]:.0f} m", ylabel=f"y - {origin[1]:.0f} m")
     axes.tick_params(colors=FAINT, labelcolor=INK)
-    figure.legend(loc="outside right center", frameon=False, fontsize=8, markerscale=2)
+    figure.legend(loc="outside right center", frameon=False, fontsize=8)
     return figure
+
+
+def _colours(count: int) -> list[Any]:
+    """As many as there are clouds; only the first few are told apart by colour-blind readers too."""
+    from matplotlib import colormaps
+
+    shades = [*COLOURS, *(tuple(colormaps["tab20"](k / 20)) for k in range(20))]
+    return [shades[k % len(shades)] for k in range(count)]

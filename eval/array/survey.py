@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +14,7 @@ import rich
 import tyro
 
 from tagtrack.baselines.static_array.detections import shorten
+from tagtrack.baselines.static_array.model import Floats
 from tagtrack.baselines.static_array.places import Places, Placing, place_freely, place_on, places_from_distances
 from tagtrack.baselines.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
 from tagtrack.eval.array.survey_plot import plot_map
@@ -21,6 +24,7 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry
 from tagtrack.eval.versions import collect_versions
 
+RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")  # columns of receivers.csv
 OWN_FILES = ("distances.csv", "receivers.csv", "survey.json", "map.png")
 
 
@@ -43,22 +47,29 @@ class Survey:
     sound_speed: float = 1500.0
     """Speed of sound [m/s]."""
 
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
-            raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
-
     def run(self) -> None:
         """Run it."""
+        if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
+            raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
         require_replaceable(self.out, OWN_FILES, "survey")
         own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
-        reference = None if self.reference is None else read_receivers(self.reference).by_name()
+        reference = None
+        if self.reference is not None:
+            known = read_receivers(self.reference)
+            reference = dict(zip(known.names, known.position, strict=True))
         reading = read_telemetry(self.detections)
         for remark in reading.remarks:
             print(f"note: {remark}")
         baselines = survey_distances(reading.detections, own_tags, self.sound_speed)
         names = survey_receivers(baselines)
         pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
-        shape = places_from_distances(pairs, [line.distance for line in baselines], [line.sd for line in baselines])
+        distances = [line.distance for line in baselines], [line.sd for line in baselines]
+        rough = None
+        if reference is not None and set(names) <= set(reference):
+            rough = np.array([reference[name] for name in names])
+        elif len(baselines) == 2 * len(names) - 3:
+            print("note: no distance to spare, so a receiver may lie on the wrong side of others; --reference tells")
+        shape = places_from_distances(pairs, *distances, rough)
         placing = choose_placing(shape, names, reference)
         places = placing.place(shape)
         document = {
@@ -76,9 +87,6 @@ class Survey:
             write_json(folder / "survey.json", document)
             save_figure(folder / "map.png", plot_map(document))
         print(f"written: {self.out}")
-
-
-RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")
 
 
 def choose_placing(shape: Places, names: Sequence[str], reference: Mapping[str, Floats] | None) -> Placing:
@@ -135,8 +143,11 @@ def _number(value: float) -> float | None:
 
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows with the same columns as csv; None is an empty field."""
-    lines = [",".join(rows[0]), *(",".join("" if value is None else str(value) for value in row.values()) for row in rows)]
-    return "\n".join(lines) + "\n"
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def print_survey(document: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ def plot_map(document: Mapping[str, Any]) -> Figure:
         ends = np.array([place[line["first"]], place[line["second"]]])
         axes.plot(*ends.T, color=FAINT, lw=1, zorder=1)
         if len(document["distances"]) <= MOST_LABELS:
-            spot = ends[0] + 0.4 * (ends[1] - ends[0])  # not the middle, where diagonals cross
+            spot = ends[0] + 0.3 * (ends[1] - ends[0])  # not the middle, where diagonals cross
             box = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
             axes.annotate(f"{line['distance_m']:.1f} m", spot, ha="center", va="center", fontsize=8, color=INK, bbox=box)
     x, y = np.array(list(place.values())).T

@@ -24,6 +24,7 @@ from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("detections.csv.gz", "clocks.json", "residuals.png")
 DAY = 86400.0
+MANY_OUTLIERS = 0.1  # of the points of a clock
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,12 +51,14 @@ class Sync:
     segment_days: Annotated[float | None, tyro.conf.arg(metavar="DAYS", help_behavior_hint="(one polynomial)")] = None
     """Length of the segments that get a polynomial each, 7 for weeks."""
     largest_offset: float = 600.0
-    """Largest difference between two clocks that is looked for [s]."""
+    """Largest difference between two clocks that is looked for [s]; below half the interval of sync tags that ping regularly."""
     reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
     """Receiver whose clock is the time."""
 
     def run(self) -> None:
         """Run it."""
+        if self.segment_days is not None and not self.segment_days > 0:
+            raise ValueError(f"--segment-days must be positive, got {self.segment_days:g}")
         require_replaceable(self.out, OWN_FILES, "synchronization")
         setting = SyncSetting(
             sound_speed=self.sound_speed,
@@ -64,7 +67,10 @@ class Sync:
             largest_offset=self.largest_offset,
         )
         sync_tags = read_sync_tags(self.sync_tags)
-        places = {} if self.receivers is None else read_receivers(self.receivers).by_name()
+        places = {}
+        if self.receivers is not None:
+            known = read_receivers(self.receivers)
+            places = dict(zip(known.names, known.position, strict=True))
         reading = read_telemetry(self.detections)
         for remark in reading.remarks:
             print(f"note: {remark}")
@@ -159,6 +165,9 @@ def print_sync(document: Mapping[str, Any]) -> None:
         "receptions of sync tags by one receiver alone. Extrapolated: detections outside the time in which sync tags were heard."
     )
     rich.print(as_console_table(header, rows, note))
+    for clock in document["clocks"]:
+        if clock["outliers"] > MANY_OUTLIERS * clock["points"]:
+            print(f"note: {clock['outliers']} outliers of {clock['receiver']}: a clock that jumps or bends? Try --segment-days")
     for name, reason in document["excluded"].items():
         print(f"no clock for {name}: it {reason}")
     if document["detections_left_out"]:

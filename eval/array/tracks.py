@@ -85,7 +85,7 @@ class Tracks:
         found = [animal for animal in animals if animal.stretches]
         if not found:
             raise ValueError(f"no tag has a stretch of {self.least_pings} located pings; lower --least-pings")
-        document = {
+        document: dict[str, Any] = {
             "tags": {animal.tag: summarize_animal(animal) for animal in animals},
             "odd_even_median_m": _median(np.concatenate([animal.apart for animal in animals])),
             "method": self.options.method,
@@ -102,8 +102,8 @@ class Tracks:
             if len(tracks) > 1:
                 parts = split_tracks(list(tracks.values()), self.held_out, self.seed)
                 for name, part in zip(("training", "held_out"), parts, strict=True):
+                    write_tracks(folder / f"{name}.csv", {track.tag: track for track in part})
                     document[name] = [track.tag for track in part]
-                    write_tracks(folder / f"{name}.csv", {tag: tracks[tag] for tag in document[name]})
             write_json(folder / "tracks.json", document)
             save_figure(folder / "map.png", plot_map([_cloud(animal) for animal in found], places.position, places.names))
         print(f"written: {self.out}")

@@ -99,8 +99,9 @@ def _record_batch(simulation: Simulation, seed: int, on_step: Callable[[int], No
                 on_step(simulation.num_worlds)
         for record, array in zip(records, sources, strict=True):
             record[:, step] = array
+    time_step = simulation.scenario.time_step
     return [
-        Recording(vehicle=vehicle, contact=contact, fish=fish.astype(np.float64), belief=belief, time_step=TIME_STEP)
+        Recording(vehicle=vehicle, contact=contact, fish=fish.astype(np.float64), belief=belief, time_step=time_step)
         for vehicle, contact, fish, belief in zip(*records, strict=True)
     ]
 

@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 INTRODUCTION = (
     "Each cell: what the paper prints → ours. The papers did each experiment once; ours is the median of many simulated "
-    "repetitions, in brackets their middle 95 %. A star marks a printed figure outside of it. Nothing in a paper's own "
-    "tables was tuned to match but what a note names. The tables whose names go on after a comma change one assumption at a "
-    "time; their values were chosen after a look at several, so they explain a difference and predict nothing."
+    "repetitions, in brackets their middle 95 %. A star marks a printed figure outside of it, a dash stands where none is "
+    "printed. Nothing in a paper's own tables was tuned to match but what a note names. The tables whose names go on after a "
+    "comma change one assumption at a time; their values were chosen after a look at several, so they explain a difference "
+    "and predict nothing."
 )
 
 
@@ -52,8 +53,10 @@ def console_table(document: Document) -> Table:
     """How many printed figures each table of ours holds within its intervals; papers.md has them all."""
     tables: dict[str, list[bool]] = {}
     for row in document["rows"]:
-        tables.setdefault(f"{row['paper']}, {row['table']}", []).append(_agrees(row))
-    cells = [[table, str(len(agree)), str(sum(agree))] for table, agree in tables.items()]
+        agree = tables.setdefault(f"{row['paper']}, {row['table']}", [])
+        if row["paper_value"] is not None:
+            agree.append(_agrees(row))
+    cells = [[table, str(len(agree)), str(sum(agree)) if agree else "-"] for table, agree in tables.items()]
     note = "Within: printed figures inside the middle 95 % of our repetitions. papers.md has every figure, and what was assumed."
     return as_console_table(["table", "printed", "within"], cells, note)
 
@@ -81,7 +84,9 @@ def _cell(row: Mapping[str, Any]) -> str:
     figure = {"value": row["ours"], "low": row["low"], "high": row["high"]}
     printed = value_cell({"value": row["paper_value"]})
     ours = interval_cell(figure)
-    if row["unit"] == "s":  # periods: three digits would hide what they are about
+    if row["paper_value"] is None:
+        return f"{printed} → {ours}"
+    if row["unit"] == "s":  # printed periods: three digits would hide what they are about
         printed = f"{row['paper_value']:.5f}"
         ours = f"{row['ours']:.5f} [{row['low']:.5f}, {row['high']:.5f}]"
     return f"{printed} → {ours}" + ("" if _agrees(row) else " *")

@@ -27,7 +27,7 @@ class Row:
     table: str
     row: str
     column: str
-    paper_value: float
+    paper_value: float  # NaN where the paper prints no number
     ours: float
     low: float
     high: float
@@ -50,6 +50,8 @@ class Size:
     moving_seconds: int = 98 * 60  # [s] of each: auv2Track took 1 h 38 (Clark et al. 2013, Table IV)
     stationary: int = 400  # missions to a resting tag
     records: int = 200  # records of arrivals
+    offline: int = 20  # trials of each combination of measurements over each recorded mission (Lin et al. 2013, V.E)
+    astray: int = 400  # missions in which all particles are moved away
     particles: int = 1000
     settings: int = 30  # iterations of each setting of Fig. 3C (Masmitja et al. 2020, "AOTT simulations")
     settings_seconds: int = 60 * 60  # [s] of each; not printed
@@ -57,7 +59,7 @@ class Size:
     area_particles: int = 10_000  # of their filter
 
 
-QUICK = Size(recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, records=4, particles=200,
+QUICK = Size(recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, records=4, offline=3, astray=40, particles=200,
     settings=3, settings_seconds=1800, tracked=4, area_particles=500)
 
 
@@ -90,9 +92,17 @@ class Experiment:
 
 
 def make_row(
-    repetitions: ArrayLike, *, paper: str, table: str, row: str, column: str, paper_value: float, unit: str, note: str
+    repetitions: ArrayLike,
+    *,
+    paper: str,
+    table: str,
+    row: str,
+    column: str,
+    paper_value: float = math.nan,
+    unit: str,
+    note: str,
 ) -> Row:
-    """A row from one value for each repetition of the experiment (R,)."""
+    """A row from one value for each repetition of the experiment (R,); without a printed value ours stands alone."""
     low, ours, high = np.quantile(np.asarray(repetitions, dtype=np.float64), (0.025, 0.5, 0.975)).tolist()
     return Row(
         paper=paper,

@@ -74,6 +74,14 @@ LIN2013_TABLE_III = _table(("mean", "σ"), {"Tied to buoy": (1.93, 2.34), "Activ
 # Error of the distance after 22 hours [m]: of the figure, and of the same experiment on another day (V.C).
 LIN2013_FIG_6 = MappingProxyType({"day of the figure": -1.5, "another day": 8.0})
 
+# Localization error of the tagged boat [m], offline by measurements; online with both (Fig. 8, caption). Both decrease it "by a
+# factor of two" (V.E).
+LIN2013_TABLE_IV = _table(
+    ("mean", "σ"), {"Angle": (16.38, 15.07), "Distance": (19.43, 29.83), "Angle and Distance": (8.76, 12.82)}
+)
+LIN2013_FIG_8 = MappingProxyType({"mean": 8.46, "σ": 7.82})
+LIN2013_FACTOR = 2.0
+
 # The ratios that follow from the simulations of Fig. 3C: TCR / MTR (0.8 "the greatest"), MPR / MTR (300 m over 250 m), and the
 # share of the particles that compound resampling spreads ("AOTT simulations").
 MASMITJA2020_FIG_3C = MappingProxyType({"radius": 0.8, "range": 1.2, "resampling": 0.015})

@@ -9,7 +9,9 @@ from tagtrack.eval.papers import (
     clark2013_filters,
     clark2013_missions,
     lin2013_clock,
+    lin2013_localization,
     lin2013_ranging,
+    lin2013_recovery,
     masmitja2020_settings,
     masmitja2020_turn,
 )
@@ -23,6 +25,8 @@ EXPERIMENTS: Mapping[str, tuple[Experiment, ...]] = MappingProxyType(
             lin2013_clock.PERIODS_TWIN,
             lin2013_clock.DRIFT_TWIN,
             lin2013_ranging.RANGING_TWIN,
+            lin2013_localization.LOCALIZATION_TWIN,
+            lin2013_recovery.RECOVERY_TWIN,
         ),
         "masmitja2020": (masmitja2020_settings.SETTINGS_TWIN, masmitja2020_turn.TURN_TWIN),
     }

@@ -1,7 +1,7 @@
 """The kinds of detection files, told apart by their first line, and their rows as numbers.
 
 Read are our own csv, the csv exports of VEMCO VUE and of GLATOS, and the text files of the RESNEP campaign (Masmitja et al.
-2020), one for each receiver and tag. Fathom (VDAT) exports, one line format per record type, are refused.
+2020), one for each receiver and tag. Refused are Fathom (VDAT) logs, whose kinds of records each have columns of their own.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def recognize(table: CsvTable) -> DetectionFile:
             table.place(layout.columns)
             return DetectionFile(table, layout, None)
     if table.columns and table.columns[0].startswith("VEMCO DATA LOG"):
-        raise ValueError(f"{table.path}: a Fathom (VDAT) log; export it as a VUE csv, or as {','.join(OWN.columns)}")
+        raise ValueError(f"{table.path}: a Fathom (VDAT) log; export with VUE, or write {','.join(OWN.columns)}")
     if VUE.time not in table.columns and any(name.startswith("Date and Time") for name in table.columns):
         raise ValueError(f"{table.path}: line 1 must name the column {VUE.time}, got {table.header}; export times in UTC")
     raise ValueError(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tagtrack.baselines.static_array.detections import Floats, shorten
+from tagtrack.baselines.static_array.travel import SyncTag
 from tagtrack.envs.sim.csv_table import Row, open_csv
 from tagtrack.envs.sim.tracks import Track
 from tagtrack.eval.telemetry.tracks import read_tracks
@@ -25,15 +26,6 @@ class ReceiverPlaces:
 
     names: tuple[str, ...]
     position: Floats
-
-
-@dataclass(frozen=True, kw_only=True)
-class SyncTag:
-    """A tag that stays in its place: beside a receiver, at a known ``position`` (2,) [m], or both."""
-
-    tag: str
-    receiver: str | None
-    position: Floats | None
 
 
 @dataclass(frozen=True, kw_only=True)

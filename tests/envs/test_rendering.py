@@ -56,16 +56,32 @@ def test_particles_are_drawn() -> None:
     assert blue[0] < 0.02 and blue[1] > 0.05
 
 
+def tinted(env: TagTrackEnv) -> int:
+    """Pixels of the map with amber over the water tint: more red than the water has green."""
+    frame = env.render()[:, :640].astype(int)
+    return int(((frame[..., 0] > frame[..., 2] + 10) & (frame[..., 1] > 180)).sum())
+
+
 def test_bearing_fan_opens_on_both_sides_after_a_detection() -> None:
-    """Amber over the water tint: more red than the water has green, where there was none before a ping was heard."""
-
-    def tinted(env: TagTrackEnv) -> int:
-        frame = env.render()[:, :640].astype(int)
-        return int(((frame[..., 0] > frame[..., 2] + 10) & (frame[..., 1] > 180)).sum())
-
     deaf = sailed(overrides={"water.clear_hearing": 0.0, "water.noisy_hearing": 0.0})
     hearing = sailed(overrides={"water.clear_hearing": 1.0, "water.noisy_share": 0.0})
     assert tinted(hearing) > 20 * max(tinted(deaf), 50)
+
+
+@pytest.mark.parametrize("env_id", ["TagTrack/TimeOfFlight-v0", "TagTrack/RangeOnly-v0"])
+def test_range_is_a_ring_about_the_place_where_it_was_heard(env_id: str) -> None:
+    """Its circumference times its width, 8 pixels of the fine canvas, is 4 of the map; the fan is made too narrow to see.
+
+    Particles and shapes hide up to half of it. A ring beyond the map would be cut, so that the particles reach farther.
+    """
+    narrow = {"belief.receiver.bearing_sigma": 1e-3} if env_id == "TagTrack/TimeOfFlight-v0" else {}
+    overrides = {**narrow, "water.clear_hearing": 1.0, "water.noisy_share": 0.0, "belief.half_width": 600.0}
+    env = sailed(env_id, steps=3, overrides=overrides)
+    contact = env.unwrapped.simulation.worlds.contacts[0, 0, 0]
+    radius = np.sqrt(contact["slant_range"] ** 2 - contact["depth"] ** 2)
+    span = 1.12 * 1200.0  # [m] across the map
+    ring = 4.0 * 2.0 * np.pi * radius * 640.0 / span
+    assert 0.5 * ring < tinted(env) < 1.3 * ring
 
 
 def test_perimeter_is_drawn_where_there_is_one() -> None:

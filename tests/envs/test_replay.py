@@ -58,7 +58,7 @@ def test_resampling_walks_the_straight_lines_between_rows():
 
 def test_half_the_time_scale_doubles_the_rows():
     track = Track(time=np.array([0.0, 4.0]), position=np.array([[0.0, 0.0], [4.0, 8.0]]))
-    table = make_table([track], Replay(time_scale=0.5), time_step=1.0, episode_steps=8)
+    table = make_table((track,), Replay(time_scale=0.5), time_step=1.0, episode_steps=8)
     np.testing.assert_allclose(table.position, np.linspace([0, 0], [4, 8], 9))
 
 

@@ -104,7 +104,7 @@ def test_a_shift_of_the_clock_is_told(evaluate, tmp_path):
     [
         ("", (), ": line 1 must name the columns t_s,code, got nothing"),
         ("t_s,code\n", (), " holds no arrivals"),
-        (rows([0, 4, "late"]), (), ": line 4: t_s must be a number of seconds, got 'late'"),
+        (rows([0, 4, "late"]), (), ": line 4: t_s must be a number, got 'late'"),
         (rows([0, 8, 4]), (), ": line 4: times must rise, got 4.00000 after 8.00000; sort the file"),
         (rows([0, 4, 4]), (), ": line 4: code 117 arrives twice at 4.00000 s; remove the duplicate"),
         (rows([7]), (), ", code 117: a period needs at least three arrivals of a code, got 1; record for longer"),

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from tagtrack.eval.options import ManyParticles, TaskOptions
 from tagtrack.eval.rollout import SeedBlock, block_seed
 from tests.eval.conftest import PARTICLES, SHORT
 
@@ -221,3 +222,24 @@ def test_help_of_a_command_ends_well(evaluate, command):
     assert status == 0
     assert "--env" in out
     assert "--set" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments", "particles"),
+    [
+        (TaskOptions, {}, 1000),
+        (TaskOptions, {"preset": "utracking_hard"}, 5000),
+        (TaskOptions, {"preset": "utracking_hard", "particles": 70}, 70),
+        (ManyParticles, {}, 4000),
+        (ManyParticles, {"preset": "masmitja2023"}, 4000),  # its 1000 are our default
+        (ManyParticles, {"preset": "utracking_hard"}, 5000),
+        (ManyParticles, {"preset": "utracking_hard", "particles": 70}, 70),
+        (ManyParticles, {"particles": 1}, 1),
+    ],
+)
+def test_particles_are_the_presets_own_unless_asked_for(options, arguments, particles):
+    """Benchmarks and trade-offs take 4000 at least."""
+    asked = options(env="RangeOnly-v0", **arguments)
+    task = asked.build()
+    assert task.scenario.belief.particles == particles
+    assert asked.describe(task)["particles"] == particles

@@ -73,6 +73,19 @@ def test_a_page_sets_printed_beside_ours_and_marks_what_lies_outside():
     assert page.count("assumed: much") == 1
 
 
+def test_where_a_paper_prints_nothing_a_dash_stands_beside_ours_and_nothing_is_counted(evaluate, monkeypatch, tmp_path):
+    rows = [row([20, 25, 30]), row([1.0], table="Fig. 11", unit="s", paper_value=math.nan)]
+    assert rows[1].to_json()["paper_value"] is None
+    experiment = make_experiment(rows=rows)
+    document = papers_document({experiment: Findings(rows=rows)}, seconds={}, seed=0, size=QUICK, versions={})
+    page = as_markdown_page(document)
+    assert "| PF | - → 1.00 [1.00, 1.00] |" in page and "*" not in page
+    monkeypatch.setattr(command, "EXPERIMENTS", {"clark2013": (experiment,)})
+    _, out, _ = evaluate("papers", "--out", tmp_path / "p")
+    counts = [line.split() for line in out.splitlines() if "clark2013," in line]
+    assert [cells[-2:] for cells in counts] == [["1", "1"], ["0", "-"]]
+
+
 def test_a_picture_has_a_panel_for_each_table():
     figure = plot_rows([row([20, 25]), row([1, 2], table="Table III, bounded")], "error [m]")
     assert [axes.get_title() for axes in figure.axes] == ["Table III", "Table III, bounded"]
@@ -125,6 +138,8 @@ SMALL = Size(
     moving_seconds=120,
     stationary=2,
     records=2,
+    offline=1,
+    astray=3,
     particles=50,
     settings=2,
     settings_seconds=1300,

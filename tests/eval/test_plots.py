@@ -86,7 +86,7 @@ def test_tracks_share_one_scale_with_equal_axes_and_print_the_mean_error():
     first, second = figure.axes
     assert first.get_xlim() == second.get_xlim()
     assert first.get_aspect() == second.get_aspect() == 1.0
-    assert first.get_title() == "a: mean error 5 m"
+    assert first.get_title() == "a\nmean error 5 m"
     assert [text.get_text() for text in first.texts] == ["50 m"]  # the scale bar
 
 

@@ -72,6 +72,7 @@ def test_caption_tells_which_animals_were_replayed():
     tracks = {"file": "training.csv", "animals": 12, "stretches": 310, "hours": 1234.5, "time_scale": 20.0, "longest_gap": 900.0}
     told = "recorded tracks of training.csv at 20 times their speed: animals 12, unbroken stretches 310, 1234.5 h in all."
     assert markdown_table(document(tracks=tracks)).rstrip().endswith(told)
+    assert "recorded tracks at 20 times their speed" in markdown_table(document(tracks={**tracks, "file": None}))
     old = document()
     del old["tracks"]  # as files of earlier versions
     assert "tracks" not in markdown_table(old)

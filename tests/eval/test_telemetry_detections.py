@@ -166,7 +166,7 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
         (VUE.replace("2019-09-09 16:04", "2019-02-30 16:04"), "got '2019-02-30 16:04:12.574'"),
         (VUE.replace("2019-09-09 16:04", "1969-09-09 16:04"), "got '1969-09-09 16:04:12.574'"),
         (GLATOS.replace("59334", ""), ": line 3: tag must not be empty"),
-        ("VEMCO DATA LOG,2.0.0,vdat-9\nRECORD TYPE,FIELD\n", ": a Fathom (VDAT) log; export it as a VUE csv"),
+        ("VEMCO DATA LOG,2.0.0,vdat-9\nRECORD TYPE,FIELD\n", ": a Fathom (VDAT) log; export with VUE, or write t_unix_s,"),
         ("# Tag ID = 1\n1,a\n", ": begins with a comment; only files detections_RECEIVER_TAG.txt may"),
     ],
 )

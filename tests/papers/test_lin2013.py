@@ -10,6 +10,8 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
 from tagtrack.envs.simulation import Simulation
+from tagtrack.eval.papers.lin2013_localization import MEASUREMENTS, VARIANTS, rows_by_distance
+from tagtrack.eval.papers.lin2013_recovery import lead_astray, time_back
 from tagtrack.eval.papers.printed import LIN2013_TABLE_I
 
 OUTLIERS = [[0.04875, 3.95104]] * 3 + [[0.04896, 7.95063], [7.99937], [7.99958]]  # the pairs sum to one or two periods
@@ -166,3 +168,28 @@ def test_both_measurements_together_are_1_6_times_better_than_the_better_one():
     angle, distance = (errors_of(single, courses)[0] for single in ("angle", "distance"))
     print(f"both {both.mean():.2f} m, angle {angle.mean():.2f} m, distance {distance.mean():.2f} m")
     assert min(angle.mean(), distance.mean()) > 1.6 * both.mean()
+
+
+def test_time_back_is_that_of_the_first_error_below_15_metres():
+    error = np.array([[130.0, 14.9, 130.0], [15.0, 20.0, 130.0], [14.0, 3.0, 130.0]])
+    assert time_back(error).tolist() == [6.0, 2.0, np.inf]  # steps of 2 s
+
+
+def test_led_astray_no_particle_is_within_100_metres_of_the_fish():
+    simulation = Simulation(TIME_OF_FLIGHT, 50)
+    simulation.reset(seed=0)
+    lead_astray(simulation, np.random.default_rng(0))
+    away = simulation.worlds.particles[:, 0, 0, :2] - simulation.fish_position[:, 0, :, None]
+    assert np.hypot(away[:, 0], away[:, 1]).min() > 100.0
+    miss = simulation.estimate[:, 0, 0] - simulation.fish_position[:, 0]
+    np.testing.assert_allclose(np.hypot(*miss.T), 130.0, atol=3.0)  # the mean of 1,000 within 15 m on each axis
+
+
+def test_errors_fall_into_the_bin_of_their_distance():
+    """A mission that is 20 m off for a minute and 70 m for ten seconds, with errors of 1 and 9 m: too short to count."""
+    distance = np.repeat([20.0, 70.0], [60, 10])[None]
+    errors = {name: np.where(distance < 30.0, 1.0, 9.0)[:, None] for name in MEASUREMENTS}
+    found = {(row.row, row.column): row.ours for row in rows_by_distance(VARIANTS[0], errors, distance)}
+    assert found["Angle, 0 to 30 m", "median"] == found["Angle and Distance, 0 to 30 m", "75th percentile"] == 1.0
+    assert all(np.isnan(value) for (row, _), value in found.items() if "60 m" in row or "90 m" in row)
+    assert len(found) == 3 * 3 * 2

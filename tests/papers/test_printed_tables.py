@@ -13,15 +13,20 @@ from tagtrack.eval.papers.clark2013_twin import (
     printed_filter,
 )
 from tagtrack.eval.papers.frame import Size
+from tagtrack.eval.papers.lin2013_localization import BINS, boat_scenario
+from tagtrack.eval.papers.lin2013_ranging import ACTIVE_SECONDS
 from tagtrack.eval.papers.lin2013_twin import CODE, TAGS
 from tagtrack.eval.papers.printed import (
     CLARK2013_SIGNAL_RATES,
     CLARK2013_TABLE_III,
     CLARK2013_TABLE_V,
+    LIN2013_FACTOR,
     LIN2013_FIG_6,
+    LIN2013_FIG_8,
     LIN2013_TABLE_I,
     LIN2013_TABLE_II,
     LIN2013_TABLE_III,
+    LIN2013_TABLE_IV,
 )
 
 TABLE_III = """
@@ -42,6 +47,11 @@ auv2Track	41.73	0.85	140.43	0.85	106.95	1.51	112.75
 stationaryTrackA	7.01	0.25	15.46	2.61	13.43	3.17	12.00
 stationaryTrackB	16.88	1.53	47.26	6.92	23.51	4.42	32.68
 stationaryTrackC	21.70	3.13	47.54	4.21	29.10	3.49	31.05
+"""
+TABLE_IV = """
+Angle	16.38	15.07
+Distance	19.43	29.83
+Angle and Distance	8.76	12.82
 """
 
 
@@ -66,6 +76,9 @@ def test_tables_of_lin2013():
     assert LIN2013_TABLE_III["Tied to buoy"] == {"mean": 1.93, "σ": 2.34}
     assert LIN2013_TABLE_III["Active tracking"] == {"mean": 0.62, "σ": 2.63}
     assert list(LIN2013_FIG_6.values()) == [-1.5, 8.0]
+    assert {row: list(columns.values()) for row, columns in LIN2013_TABLE_IV.items()} == numbers(TABLE_IV)
+    assert LIN2013_FIG_8 == {"mean": 8.46, "σ": 7.82}
+    assert LIN2013_FACTOR == 2.0  # "by a factor of two" (V.E)
 
 
 def test_experiments_last_as_long_as_the_papers():
@@ -74,6 +87,14 @@ def test_experiments_last_as_long_as_the_papers():
     assert Size().moving_seconds == 98 * 60  # Table IV, auv2Track: 1:38
     assert [seconds / 60 for seconds in STATIONARY_SECONDS.values()] == [4, 10, 10]  # Table IV
     assert TIME_STEP == 1.0  # 4.2: the loop iterates at 1.0 Hz
+
+
+def test_the_boat_is_tracked_as_long_and_filtered_as_often_as_in_lin2013():
+    assert ACTIVE_SECONDS == 39 * 60  # "from 22:44 to 23:23" (V.D)
+    assert Size().offline == 20  # "the state estimator was run twenty times offline" (V.E)
+    assert BINS == ((0, 30), (30, 60), (60, 90))  # [0 m, 30 m), [30 m, 60 m), and [60 m, 90 m) (V.E)
+    belief = boat_scenario(1000).belief
+    assert (belief.weight_floor, belief.largest_jump) == (1e-7, 50.0)  # w_min (IV.C.3), Delta d_max (Alg. 1)
 
 
 def test_the_filter_on_board_is_table_ones_with_no_bound_on_the_speed():
