@@ -60,7 +60,7 @@ def regular_interval(time: ArrayLike) -> float | None:
     if gap.size < FEWEST_INTERVALS:
         return None
     interval = float(np.quantile(gap, 0.1))
-    for _ in range(3):  # the least-squares interval of those counts
+    for _ in range(3):  # the shortest gaps are a little too short: the one that all gaps agree on
         count = np.maximum(np.round(gap / interval), 1)
         fitting = np.abs(gap - count * interval) < 2 * REGULAR * interval
         if not fitting.any():
@@ -80,8 +80,8 @@ def track_arrivals(
         pings: K pings in order of time; those that one or two receivers heard count too. receivers: (R, n) [m].
         setting: of it the speed of sound, and ``sigma`` and ``first_speed_sigma`` to start from; with fewer than 10 located
             pings the scales stay there.
-        interval: of a regular tag, roughly [s]; None for random intervals (YAPS's ``sbi`` and ``rbi``). Missed pings are
-            counted by it, up to 200 in a row.
+        interval: of a regular tag [s]; None for random intervals (YAPS's ``sbi`` and ``rbi``). Missed pings are counted by it,
+            up to 200 in a row: over the longest gap it must not be wrong by half an interval.
         robust: errors are a normal distribution and 5 % Student's t of ten times its width; else normal alone.
     Returns:
         The track. NaN throughout where no ping was heard by n + 1 receivers. The covariance is the inverse curvature.

@@ -15,14 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tagtrack.baselines.static_array.likelihood import check_pings
-from tagtrack.baselines.static_array.model import (
-    ArraySetting,
-    Floats,
-    Pings,
-    Positions,
-    arrival_information,
-    check_receivers,
-)
+from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions, arrival_information, check_receivers
 from tagtrack.baselines.static_array.stages import condition, effective_share, normalized, resample
 
 PARTICLES = 6000
@@ -31,7 +24,6 @@ STRAY_SHARE, STRAY_SCALE = 0.1, 100.0  # share of pings with an outlier, and the
 LOST_AFTER = 3  # strays in a row
 SMALLEST_EIGENVALUE = 1e-9  # of the largest; below it is rounding
 SHORTEST_INTERVAL = 1e-3  # [s]; two rows of one time still have a motion between them
-
 
 
 def particle_filter(
