@@ -29,15 +29,17 @@ class Blocks:
 
 
 def number_by_count(pings: Pings, count: int, least_receivers: int) -> NDArray[np.int64]:
-    """Block (K,) of each ping, so that each block but the last has ``count`` pings heard by at least ``least_receivers``.
+    """Block (K,) of each ping: as few blocks as hold no more than ``count`` pings heard by at least ``least_receivers``.
 
-    Pings heard by fewer go with those around them: they sharpen a block, but would not make one.
+    They share those evenly, so that none is left with a few. Pings heard by fewer go with those around them: they sharpen a
+    block, but would not make one.
     """
     if count < 1:
         raise ValueError(f"a block takes at least one ping, got {count}")
     full = pings.heard.sum(axis=1) >= least_receivers
-    last = max(-(-int(full.sum()) // count) - 1, 0)
-    return np.minimum((np.cumsum(full) - full) // count, last)
+    total = int(full.sum())
+    blocks = max(-(-total // count), 1)
+    return np.minimum((np.cumsum(full) - full) * blocks // max(total, 1), blocks - 1)
 
 
 def number_by_time(pings: Pings, seconds: float) -> NDArray[np.int64]:

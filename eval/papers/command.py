@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -41,6 +42,8 @@ class Papers:
     """Of the first repetition; the others follow."""
     threads: int = 1
     """Threads of simulation and filters; results do not depend on them."""
+    data: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(TAGTRACK_DATA, else none)")] = None
+    """Folder with the field data of Masmitja et al. 2020 (resnep/), for their Tables 1 and S1; left out without it."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/papers-PAPER-TIME)")] = None
     """Folder to write; earlier results of this command are replaced."""
 
@@ -50,6 +53,8 @@ class Papers:
             raise ValueError(f"unknown paper {self.paper!r}; known: {', '.join(EXPERIMENTS)}")
         if self.threads < 1:
             raise ValueError(f"--threads must be at least 1, got {self.threads}")
+        if self.data is not None and not self.data.is_dir():
+            raise FileNotFoundError(f"no folder {self.data}; name the one that holds resnep/, or leave --data out")
         first = block_seed(SeedBlock.BENCHMARK, self.seed)
         out = self.out or default_folder("papers", self.paper or "all")
         require_replaceable(out, OWN_FILES, "comparison with the papers")
@@ -72,10 +77,17 @@ class Papers:
             for experiment in chosen:
                 begun = time.perf_counter()
                 title = f"{experiment.paper}, {experiment.table}"
-                setting = Setting(size=size, seed=seed, threads=self.threads, advance=_bind(advance, title))
+                bound = _bind(advance, title)
+                setting = Setting(size=size, seed=seed, threads=self.threads, data=self.data or named_data(), advance=bound)
                 found[experiment] = experiment.run(setting)
                 seconds[experiment] = time.perf_counter() - begun
         return found, seconds
+
+
+def named_data() -> Path | None:
+    """The folder that TAGTRACK_DATA names."""
+    named = os.environ.get("TAGTRACK_DATA")
+    return Path(named) if named else None
 
 
 def figures_of(found: Mapping[Experiment, Findings]) -> dict[str, Any]:

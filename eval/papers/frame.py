@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,6 +71,7 @@ class Setting:
     size: Size = Size()
     seed: int = 0
     threads: int = 1
+    data: Path | None = None  # folder of the field data, for what is not simulated
     advance: Callable[[int], None] = field(default=lambda steps: None)  # told of the steps just done
 
 

@@ -5,6 +5,7 @@ Clark et al. 2013, Table II stands in ``eval/consistency.py``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -89,3 +90,30 @@ MASMITJA2020_FIG_3C = MappingProxyType({"radius": 0.8, "range": 1.2, "resampling
 # Error before and after the turn [m] by reception ratio [%], and iterations lost with 60 % [%] (Discussion, "AOTT algorithm").
 MASMITJA2020_FIG_3D = _table(("before the turn", "after the turn"), {"100": (50, 50), "60": (100, 100)})
 MASMITJA2020_LOST = 2.0
+
+# Error and standard deviation of the five moorings by WLS-ML [m], and where it puts them: Position 2, UTM 31N [m].
+MASMITJA2020_TABLE_1 = _table(
+    ("Error", "SD"),
+    {"A": (0.74, 0.55), "B": (0.68, 0.40), "C": (1.29, 1.05), "D": (0.51, 0.29), "E": (0.48, 0.27)},
+)
+MASMITJA2020_POSITION_2 = MappingProxyType(
+    {
+        "A": (543958.24, 4651491.60),
+        "B": (544089.80, 4651482.68),
+        "C": (544092.10, 4651433.95),
+        "D": (543952.56, 4651348.23),
+        "E": (544114.03, 4651341.52),
+    }
+)
+
+# Error and standard deviation by estimator and mooring [m]; the paper has none of MAP-M at D.
+MASMITJA2020_TABLE_S1 = _table(
+    tuple(f"{mooring} {figure}" for mooring in "ABCDE" for figure in ("error", "SD")),
+    {
+        "PF": (3.20, 0.46, 3.85, 0.20, 0.48, 0.29, 5.36, 0.17, 10.28, 0.16),
+        "MAP-M": (0.06, 0.43, 0.06, 0.47, 0.02, 0.25, math.nan, math.nan, 0.15, 0.40),
+        "ML": (0.04, 0.75, 0.01, 0.41, 0.02, 0.25, 0.07, 0.52, 0.04, 0.56),
+        "WLS": (0.03, 0.25, 0.12, 1.22, 0.08, 0.28, 7.07, 2.52, 9.02, 4.67),
+        "WLS-ML": (0.03, 0.27, 0.09, 0.92, 0.02, 0.25, 0.15, 0.91, 0.02, 0.74),
+    },
+)

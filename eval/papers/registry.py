@@ -12,6 +12,7 @@ from tagtrack.eval.papers import (
     lin2013_localization,
     lin2013_ranging,
     lin2013_recovery,
+    masmitja2020_field,
     masmitja2020_settings,
     masmitja2020_turn,
 )
@@ -28,6 +29,6 @@ EXPERIMENTS: Mapping[str, tuple[Experiment, ...]] = MappingProxyType(
             lin2013_localization.LOCALIZATION_TWIN,
             lin2013_recovery.RECOVERY_TWIN,
         ),
-        "masmitja2020": (masmitja2020_settings.SETTINGS_TWIN, masmitja2020_turn.TURN_TWIN),
+        "masmitja2020": (masmitja2020_settings.SETTINGS_TWIN, masmitja2020_turn.TURN_TWIN, masmitja2020_field.FIELD),
     }
 )

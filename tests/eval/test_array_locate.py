@@ -96,7 +96,7 @@ def test_averaged_positions_are_nearer(campaign: Path, array: Callable[..., tupl
     assert averaged["located"] >= single["located"] and averaged["rmse_m"] < 0.6 * single["rmse_m"]
     rows = (campaign / "out" / "positions.csv").read_text().splitlines()[1:]
     pings = [int(row.rpartition(",")[2]) for row in rows]
-    assert len(pings) == 3 and sum(pings) == averaged["located"] and min(pings[:2]) >= 20  # and what is left
+    assert len(pings) == 3 and sum(pings) == averaged["located"] and max(pings) - min(pings) <= 3  # evenly
     array("locate", "--tags", "rest-1", "--average-hours", "48")
     assert len((campaign / "out" / "positions.csv").read_text().splitlines()) <= 3
 

@@ -1,5 +1,6 @@
 """What the papers print, as `eval papers` sets it beside ours: the numbers, read off the papers' tables a second time."""
 
+import csv
 import math
 
 import pytest
@@ -27,6 +28,9 @@ from tagtrack.eval.papers.printed import (
     LIN2013_TABLE_II,
     LIN2013_TABLE_III,
     LIN2013_TABLE_IV,
+    MASMITJA2020_POSITION_2,
+    MASMITJA2020_TABLE_1,
+    MASMITJA2020_TABLE_S1,
 )
 
 TABLE_III = """
@@ -79,6 +83,20 @@ def test_tables_of_lin2013():
     assert {row: list(columns.values()) for row, columns in LIN2013_TABLE_IV.items()} == numbers(TABLE_IV)
     assert LIN2013_FIG_8 == {"mean": 8.46, "σ": 7.82}
     assert LIN2013_FACTOR == 2.0  # "by a factor of two" (V.E)
+
+
+def test_tables_of_masmitja2020(tagtrack_data):
+    with (tagtrack_data / "resnep" / "paper_table1.csv").open(newline="") as file:
+        for row in csv.DictReader(file):
+            assert MASMITJA2020_TABLE_1[row["mooring"]] == {"Error": float(row["error_m"]), "SD": float(row["sd_m"])}
+            assert MASMITJA2020_POSITION_2[row["mooring"]] == (float(row["position2_x"]), float(row["position2_y"]))
+    with (tagtrack_data / "resnep" / "paper_tableS1.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 25
+    for row in rows:
+        for figure, column in (("error", "error_m"), ("SD", "sd_m")):
+            printed = MASMITJA2020_TABLE_S1[row["algorithm"]][f"{row['mooring']} {figure}"]
+            assert math.isnan(printed) if row[column] == "" else printed == float(row[column])
 
 
 def test_experiments_last_as_long_as_the_papers():
