@@ -50,15 +50,6 @@ class SmoothTrack:
     walk: Walk
 
 
-def cut_at_gaps(time: ArrayLike, longest_gap: float) -> list[slice]:
-    """The stretches of rising times (K,) [s] that no gap longer than ``longest_gap`` [s] interrupts."""
-    moment = np.asarray(time, dtype=np.float64)
-    if moment.size == 0:
-        return []
-    edges = [0, *(np.flatnonzero(np.diff(moment) > longest_gap) + 1).tolist(), moment.size]
-    return [slice(begin, end) for begin, end in zip(edges, edges[1:], strict=False)]
-
-
 def choose_walk(time: Floats, position: Floats, covariance: Floats) -> Walk:
     """The walk among SPEEDS x MEMORIES under which located pings are most likely.
 

@@ -16,7 +16,7 @@ import numpy as np
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import TRACK, uniform_pair
 from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.tracks import Track
+from tagtrack.envs.sim.tracks import Track, find_unbroken
 
 
 class TrackTable(NamedTuple):
@@ -31,9 +31,9 @@ NO_TRACKS = TrackTable(position=np.zeros((1, 2)), last=np.zeros(1, np.int64))
 
 def cut_at_gaps(track: Track, longest_gap: float) -> list[Track]:
     """The unbroken stretches of a track, cut where two rows lie more than ``longest_gap`` [s] apart; lone rows are dropped."""
-    cuts = np.flatnonzero(np.diff(track.time) > longest_gap) + 1
-    pieces = zip(np.split(track.time, cuts), np.split(track.position, cuts), strict=True)
-    return [Track(time=time, position=position, tag=track.tag) for time, position in pieces if time.size > 1]
+    pieces = [Track(time=track.time[rows], position=track.position[rows], tag=track.tag)
+              for rows in find_unbroken(track.time, longest_gap)]
+    return [piece for piece in pieces if piece.time.size > 1]
 
 
 def find_stretches(tracks: Sequence[Track], replay: Replay, time_step: float, episode_steps: int) -> list[Track]:

@@ -66,6 +66,14 @@ def collect_tracks(table: CsvTable, axes: tuple[str, str]) -> tuple[Track, ...]:
     return tuple(Track(time=fixes[:, 0], position=fixes[:, 1:], tag=tag) for tag, fixes in rows.items())
 
 
+def find_unbroken(time: np.ndarray, longest_gap: float) -> list[slice]:
+    """The stretches of rising times (K,) [s] that no gap longer than ``longest_gap`` [s] interrupts."""
+    if time.size == 0:
+        return []
+    edges = [0, *(np.flatnonzero(np.diff(time) > longest_gap) + 1).tolist(), time.size]
+    return [slice(begin, end) for begin, end in zip(edges, edges[1:], strict=False)]
+
+
 def split_tracks(
     tracks: Sequence[Track], held_out: float = 0.25, seed: int = 0
 ) -> tuple[tuple[Track, ...], tuple[Track, ...]]:

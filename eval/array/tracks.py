@@ -12,8 +12,8 @@ import rich
 import tyro
 
 from tagtrack.baselines.static_array.model import Floats
-from tagtrack.baselines.static_array.smoothing import SmoothTrack, choose_walk, cut_at_gaps, smooth
-from tagtrack.envs.sim.tracks import Track, split_tracks
+from tagtrack.baselines.static_array.smoothing import SmoothTrack, choose_walk, smooth
+from tagtrack.envs.sim.tracks import Track, find_unbroken, split_tracks
 from tagtrack.eval.array.locating import Located, LocateOptions
 from tagtrack.eval.array.maps import Cloud, plot_map
 from tagtrack.eval.plots import save_figure
@@ -128,7 +128,7 @@ class Tracks:
         known = located.known
         time, position = located.pings.time[known], located.positions.position[known]
         covariance = located.positions.covariance[known]
-        stretches = [each for each in cut_at_gaps(time, self.longest_gap) if each.stop - each.start >= self.least_pings]
+        stretches = [each for each in find_unbroken(time, self.longest_gap) if each.stop - each.start >= self.least_pings]
         if not stretches:
             return Animal(tag=located.tag, pings=int(known.sum()), stretches=(), apart=np.empty(0))
         walk = choose_walk(time, position, covariance)

@@ -11,7 +11,7 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.motion import Replay
 from tagtrack.envs.sim.replay import cut_at_gaps, find_stretches, make_table, resample_track
-from tagtrack.envs.sim.tracks import Track
+from tagtrack.envs.sim.tracks import Track, find_unbroken
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import build_task
 
@@ -199,3 +199,10 @@ def test_longest_gap_is_set_as_any_parameter(herd_file):
 def test_two_wishes_for_one_fish_are_refused(herd_file, overrides, says):
     with pytest.raises(ValueError, match=says):
         build_task("LeopardShark-v0", tracks=herd_file, time_scale=2, overrides=overrides)
+
+
+def test_record_is_cut_where_a_gap_is_longer_than_allowed() -> None:
+    time = np.array([0.0, 10.0, 20.0, 100.0, 110.0, 300.0])
+    assert find_unbroken(time, 80.0) == [slice(0, 5), slice(5, 6)]
+    assert find_unbroken(time, 79.0) == [slice(0, 3), slice(3, 5), slice(5, 6)]
+    assert find_unbroken(np.empty(0), 1.0) == []

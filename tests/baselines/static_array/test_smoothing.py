@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tagtrack.baselines.static_array.smoothing import GATE, Walk, choose_walk, cut_at_gaps, smooth
+from tagtrack.baselines.static_array.smoothing import GATE, Walk, choose_walk, smooth
 
 
 def simulate(walk: Walk, count: int, sigma: float, seed: int, step: float = 100.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -101,10 +101,3 @@ def test_track_can_be_given_at_other_times_than_the_pings() -> None:
     dense = smooth(time, ping, covariance, walk, at=both)
     np.testing.assert_allclose(dense.position[::2], track.position, atol=1e-8)
     np.testing.assert_allclose(dense.covariance[::2], track.covariance, rtol=1e-6)
-
-
-def test_record_is_cut_where_a_gap_is_longer_than_allowed() -> None:
-    time = np.array([0.0, 10.0, 20.0, 100.0, 110.0, 300.0])
-    assert cut_at_gaps(time, 80.0) == [slice(0, 5), slice(5, 6)]
-    assert cut_at_gaps(time, 79.0) == [slice(0, 3), slice(3, 5), slice(5, 6)]
-    assert cut_at_gaps(np.empty(0), 1.0) == []
