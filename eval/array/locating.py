@@ -17,7 +17,8 @@ from tagtrack.baselines.static_array.matching import array_window, match_pings, 
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
-from tagtrack.eval.telemetry import ReceiverPlaces, read_receivers, read_telemetry
+from tagtrack.eval.array.reading import read_aloud
+from tagtrack.eval.telemetry import ReceiverPlaces, read_receivers
 
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
 
@@ -100,10 +101,7 @@ class LocateOptions:
             ValueError: for files that disagree, naming the names they have.
         """
         places = read_receivers(self.receivers)
-        reading = read_telemetry(self.detections)
-        for remark in reading.remarks:
-            print(f"note: {remark}")
-        detections = reading.detections
+        detections = read_aloud(self.detections)
         common = [name for name in detections.receivers if name in places.names]
         if not common:
             there = shorten(detections.receivers)

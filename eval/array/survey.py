@@ -17,11 +17,12 @@ from tagtrack.baselines.static_array.detections import shorten
 from tagtrack.baselines.static_array.model import Floats
 from tagtrack.baselines.static_array.places import Places, Placing, place_freely, place_on, places_from_distances
 from tagtrack.baselines.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
+from tagtrack.eval.array.reading import read_aloud, read_places
 from tagtrack.eval.array.survey_plot import plot_map
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.report import as_console_table, write_json, write_text
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry
+from tagtrack.eval.telemetry import read_sync_tags
 from tagtrack.eval.versions import collect_versions
 
 RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")  # columns of receivers.csv
@@ -53,14 +54,8 @@ class Survey:
             raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
         require_replaceable(self.out, OWN_FILES, "survey")
         own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
-        reference = None
-        if self.reference is not None:
-            known = read_receivers(self.reference)
-            reference = dict(zip(known.names, known.position, strict=True))
-        reading = read_telemetry(self.detections)
-        for remark in reading.remarks:
-            print(f"note: {remark}")
-        baselines = survey_distances(reading.detections, own_tags, self.sound_speed)
+        reference = read_places(self.reference) or None
+        baselines = survey_distances(read_aloud(self.detections), own_tags, self.sound_speed)
         names = survey_receivers(baselines)
         pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
         distances = [line.distance for line in baselines], [line.sd for line in baselines]

@@ -14,12 +14,13 @@ import tyro
 from tagtrack.baselines.static_array.clocks import Synchronization, SyncSetting, correct, synchronize
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.baselines.static_array.model import Floats
+from tagtrack.eval.array.reading import read_aloud, read_places
 from tagtrack.eval.array.sync_plot import plot_residuals
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.telemetry import read_receivers, read_sync_tags, read_telemetry, write_detections
+from tagtrack.eval.telemetry import read_sync_tags, write_detections
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("detections.csv.gz", "clocks.json", "residuals.png")
@@ -67,14 +68,8 @@ class Sync:
             largest_offset=self.largest_offset,
         )
         sync_tags = read_sync_tags(self.sync_tags)
-        places = {}
-        if self.receivers is not None:
-            known = read_receivers(self.receivers)
-            places = dict(zip(known.names, known.position, strict=True))
-        reading = read_telemetry(self.detections)
-        for remark in reading.remarks:
-            print(f"note: {remark}")
-        detections = reading.detections
+        places = read_places(self.receivers)
+        detections = read_aloud(self.detections)
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
         with progress_bar(pairs + 1, unit="pairs") as advance:
             found = synchronize(detections, sync_tags, places, setting, reference=self.reference, progress=advance)
