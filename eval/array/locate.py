@@ -32,7 +32,7 @@ class Locate:
     `array sync`. Times that were rounded (to 10 ms in some exports) want --average 30 to 100.
     """
 
-    options: LocateOptions
+    source: LocateOptions
     average: int = 1
     """Pings of a tag, heard by --min-receivers, that make one position; those heard by two in between sharpen it."""
     average_hours: Annotated[float | None, tyro.conf.arg(metavar="H", help_behavior_hint="(none)")] = None
@@ -46,7 +46,7 @@ class Locate:
 
     def run(self) -> None:
         """Run it."""
-        self.options.check()
+        self.source.check()
         if self.average < 1:
             raise ValueError(f"--average must be at least 1, got {self.average}")
         if self.average_hours is not None and not (self.average_hours > 0 and self.average == 1):
@@ -55,23 +55,23 @@ class Locate:
             raise ValueError(f"--systematic must be at least 0, got {self.systematic}")
         require_replaceable(self.out, OWN_FILES, "localization")
         reference = read_reference(self.reference) if self.reference is not None else None
-        detections, places = self.options.read()
-        tags = self.options.tags or detections.tags
+        detections, places = self.source.read()
+        tags = self.source.tags or detections.tags
         located = []
         with progress_bar(len(tags), "tags") as advance:
-            for each in self.options.locate(detections, places, self.averaging):
+            for each in self.source.locate(detections, places, self.averaging):
                 located.append(each)
                 advance(each.tag, 1)
         document = {
             "tags": {each.tag: summarize_tag(each, reference) for each in located},
-            "method": self.options.method,
-            "sound_speed_m_s": self.options.sound_speed,
+            "method": self.source.method,
+            "sound_speed_m_s": self.source.sound_speed,
             "average": self.average,
             "average_hours": self.average_hours,
-            "min_receivers": self.options.min_receivers,
-            "max_sd_m": self.options.max_sd,
-            "detections": [str(path) for path in self.options.detections],
-            "receivers": str(self.options.receivers),
+            "min_receivers": self.source.min_receivers,
+            "max_sd_m": self.source.max_sd,
+            "detections": [str(path) for path in self.source.detections],
+            "receivers": str(self.source.receivers),
             "reference": str(self.reference) if self.reference is not None else None,
             "versions": collect_versions(),
         }

@@ -55,7 +55,7 @@ class Tracks:
     `python -m train --tracks FILE`.
     """
 
-    options: LocateOptions
+    source: LocateOptions
     interval: float = 300.0
     """Time between rows [s]."""
     longest_gap: float = 3600.0
@@ -75,11 +75,11 @@ class Tracks:
         """Run it."""
         self.check()
         require_replaceable(self.out, OWN_FILES, "set of tracks")
-        detections, places = self.options.read()
-        tags = self.options.tags or detections.tags
+        detections, places = self.source.read()
+        tags = self.source.tags or detections.tags
         animals: list[Animal] = []
         with progress_bar(len(tags), "tags") as advance:
-            for located in self.options.locate(detections, places):
+            for located in self.source.locate(detections, places):
                 animals.append(self.follow(located))
                 advance(located.tag, 1)
         found = [animal for animal in animals if animal.stretches]
@@ -88,11 +88,11 @@ class Tracks:
         document: dict[str, Any] = {
             "tags": {animal.tag: summarize_animal(animal) for animal in animals},
             "odd_even_median_m": _median(np.concatenate([animal.apart for animal in animals])),
-            "method": self.options.method,
-            "sound_speed_m_s": self.options.sound_speed,
+            "method": self.source.method,
+            "sound_speed_m_s": self.source.sound_speed,
             "interval_s": self.interval,
             "longest_gap_s": self.longest_gap,
-            "detections": [str(path) for path in self.options.detections],
+            "detections": [str(path) for path in self.source.detections],
             "versions": collect_versions(),
         }
         print_animals(document)
@@ -110,10 +110,10 @@ class Tracks:
 
     def check(self) -> None:
         """Raise ValueError for an option out of range."""
-        self.options.check()
-        if self.options.method not in SINGLE_PING_METHODS:
+        self.source.check()
+        if self.source.method not in SINGLE_PING_METHODS:
             raise ValueError(
-                f"--method {self.options.method} smooths by itself; tracks take one of {', '.join(SINGLE_PING_METHODS)}"
+                f"--method {self.source.method} smooths by itself; tracks take one of {', '.join(SINGLE_PING_METHODS)}"
             )
         for name in ("interval", "longest_gap"):
             if not getattr(self, name) > 0:
