@@ -100,7 +100,7 @@ Settings = PPOSettings | SACSettings
 AREA_ONLY = PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0)
 SETTINGS: dict[tuple[str, str], Settings] = {
     ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
-    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=4_000_000, gamma=0.98),
+    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
     ("TagTrack/AreaOnly-v0", "ppo"): AREA_ONLY,
     ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): AREA_ONLY,
 }
