@@ -14,7 +14,8 @@ class AreaOnlyEnv(TagTrackEnv):
     drawn for each episode from 60 to 100 %; of these 90 % are still heard from 250 m and 20 % from 400 m. A detection says that
     the fish is within range, a silence, where a ping was due for certain, that it may not be: what there is to learn is learned
     at the edge. The filter weighs by Eq. 22 with the softness of this edge in place of the paper's 4.5 and 9 m, and with a
-    reception of 80 %; ``overrides={"belief": "aott"}`` brings the paper's own. One step is 30 s, an episode six hours.
+    reception of 80 %; ``overrides={"belief": "aott"}`` brings the paper's own. One step is 30 s, an episode six hours,
+    three where the range is unknown.
 
     * ``TagTrack/AreaOnly-v0``: the filter knows the range of the receiver.
     * ``TagTrack/AreaOnlyUnknownRange-v0``: the range (where half of the pings are heard) is drawn for each episode from 150 to

@@ -16,7 +16,7 @@ _TASKS = {
     "TagTrack/TimeOfFlight-v0": ("tagtrack.envs.time_of_flight:TimeOfFlightEnv", 300),
     "TagTrack/RangeOnly-v0": ("tagtrack.envs.range_only:RangeOnlyEnv", 360),
     "TagTrack/AreaOnly-v0": ("tagtrack.envs.area_only:AreaOnlyEnv", 720),
-    "TagTrack/AreaOnlyUnknownRange-v0": ("tagtrack.envs.area_only:AreaOnlyEnv", 720),
+    "TagTrack/AreaOnlyUnknownRange-v0": ("tagtrack.envs.area_only:AreaOnlyEnv", 360),
 }
 
 for _id, (_entry_point, _steps) in _TASKS.items():

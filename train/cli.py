@@ -109,7 +109,6 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
     env = TagTrackVecEnv(
         env_id,
         settings.num_envs,
-        max_episode_steps=settings.episode_steps or None,
         threads=config.threads,
         stagger=True,
         preset=config.preset,

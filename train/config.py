@@ -74,7 +74,6 @@ class PPOSettings:
     log_std: float = -1.0  # of the first exploration noise
     width: int = 64  # of the two hidden layers
     ahead: float = 0.5  # first bias of the action "ahead": an untrained policy pursues
-    episode_steps: int = 0  # longest episode in training; 0: as long as the task's. Validation keeps the task's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,21 +91,17 @@ class SACSettings:
     tau: float = 0.005
     width: int = 64
     ahead: float = 0.5
-    episode_steps: int = 0
 
 
 Settings = PPOSettings | SACSettings
 
 # Where an environment wants other values than an algorithm's own.
-# To pursue is the worst there is where only the edge tells; long episodes, of which few are lost, want large batches.
-AREA_ONLY = PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0)
-# Where more are lost, half the task's length: a lost animal teaches nothing for the rest of its episode.
-UNKNOWN_RANGE = PPOSettings(steps=3_000_000, gamma=0.99, ahead=0.0, episode_steps=360)
 SETTINGS: dict[tuple[str, str], Settings] = {
     ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
     ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
-    ("TagTrack/AreaOnly-v0", "ppo"): AREA_ONLY,
-    ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): UNKNOWN_RANGE,
+    # To pursue is the worst there is where only the edge tells.
+    ("TagTrack/AreaOnly-v0", "ppo"): PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0),
+    ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): PPOSettings(steps=3_000_000, gamma=0.99, ahead=0.0),
 }
 
 
