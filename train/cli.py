@@ -146,8 +146,16 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
         return 130
     print(f"trained {model.num_timesteps:,} steps in {time.perf_counter() - started:.0f} s")
     print_comparison(folder, task, env_id)
-    print(f"run: {folder.path}\nmore: python -m eval benchmark --env {env_id} --policies three_step {folder.path}")
+    print(f"run: {folder.path}\nmore: python -m eval benchmark {_task_options(config)} --policies three_step {folder.path}")
     return 0
+
+
+def _task_options(config: TrainConfig) -> str:
+    """The options of `python -m eval` that name the task of a run."""
+    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion")}
+    options = [f"--env {qualified_id(config.env)}"]
+    options += [f"--{name.replace('_', '-')} {value}" for name, value in given.items() if value is not None]
+    return " ".join([*options, *(["--set", *config.set] if config.set else [])])
 
 
 def _command(path: Path) -> str:

@@ -72,6 +72,7 @@ def test_a_run_learns_on_another_motion(tmp_path):
     done = train(tmp_path, "--steps", "300", "--hyper", "rollout=256", *SMALL, "--motion", "levy", "--out", "run")
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "run" / "config.json").read_text())["scenario"]["fish"]["kind"] == "LevyFlight"
+    assert "benchmark --env TagTrack/LeopardShark-v0 --motion levy --set episode_steps=12 --policies" in done.stdout
 
 
 def test_a_finished_run_can_be_trained_on(trained, tmp_path):
