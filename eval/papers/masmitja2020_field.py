@@ -33,13 +33,13 @@ LABELS = {"pf": "PF", "map_m": "MAP-M", "ml": "ML", "wls": "WLS", "wls_ml": "WLS
 
 NOTE_1 = (
     f"Field data, June and July; a position for each {AVERAGED} pings that three receivers heard; in brackets 95 % of bootstraps "
-    "over them. Error and SD: of their distance from Position 1, by WLS-ML. D and E were heard by three receivers 52 and 179 "
-    "times only. Their places come from a rotation that was applied askew (0.7 m), so no estimator can meet both."
+    "over them. Error and SD: of their distance from Position 1, by WLS-ML. D and E were heard by three receivers 160 and 432 "
+    "times only, and their Positions 1 come from a rotation that was applied askew (0.7 m)."
 )
 NOTE_S1 = (
     "As Table 1; error: of the mean, from the paper's Position 2 (its own mean: 0.02 m is no distance from Position 1, which is "
     "half a metre away), SD: of the positions about their mean. The paper's ML, WLS and PF go astray at receivers; ours start "
-    "from several places, take the cone's roots, and move the particles, so D and E come out. MAP-M and PF know that tags rest."
+    "from several places, take the cone's roots, and move the particles, so D and E come out, by PF to 3.5 m. MAP-M and PF know that tags rest."
 )
 
 
