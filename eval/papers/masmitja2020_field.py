@@ -39,7 +39,8 @@ NOTE_1 = (
 NOTE_S1 = (
     "As Table 1; error: of the mean, from the paper's Position 2 (its own mean: 0.02 m is no distance from Position 1, which is "
     "half a metre away), SD: of the positions about their mean. The paper's ML, WLS and PF go astray at receivers; ours start "
-    "from several places, take the cone's roots, and move the particles, so D and E come out, by PF to 3.5 m. MAP-M and PF know that tags rest."
+    "from several places, take the cone's roots, and move the particles, so D and E come out, by PF "
+    "to 3.5 m. MAP-M and PF know that tags rest."
 )
 
 
