@@ -43,9 +43,9 @@ MASMITJA2023 = Scenario(
     water=Water(reach=900.0, edge_width=1.0, clear_hearing=0.9, noisy_share=0.0),
     receiver=RangeReceiver(range_sigma=0.0, range_tolerance=1.0, range_factor=1.01),
     belief=Belief(
-        motion=MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.7),
-        receiver=RangeReceiver(range_sigma=6.0),
-        half_width=1000.0,
+        motion=MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.04, max_speed=0.7),
+        receiver=RangeReceiver(range_sigma=6.0, max_range=900.0),
+        farthest=1000.0,
         renewed_share=0.02,
     ),
     reward=Reward(error_cap=300.0),

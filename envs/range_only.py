@@ -23,6 +23,8 @@ class RangeOnlyEnv(TagTrackEnv):
 
     * ``masmitja2023``: steps of 30 s, 200 steps; turns of at most 0.3 rad a step; a target that swims straight at up to
       0.6 m/s, 15 to 300 m deep; a current of up to 0.3 m/s on the vehicle; ranges 1 % too long, give or take 1 m, up to 900 m.
+      One start in ten is beyond that, where nothing is heard: here the filter weighs silence, too (``max_range``), so that
+      the belief shows where the target may still be.
     * ``utracking_medium``, ``utracking_hard``: steps of 30 s, 256 steps; turns of at most 1.45 rad a step, with noise on heading
       and speed; a target on straight legs at 0.2 to 0.5 m/s (hard: 0.5 to 0.7 m/s, more turns), 5 to 20 m deep; ranges with a
       noise of 10 m, up to 1500 m; 5,000 particles.

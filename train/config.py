@@ -95,10 +95,13 @@ class SACSettings:
 
 Settings = PPOSettings | SACSettings
 
-# Where an environment wants other values than an algorithm's own.
+# Where an environment, or a preset of it, wants other values than an algorithm's own.
 SETTINGS: dict[tuple[str, str], Settings] = {
     ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
     ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
+    ("masmitja2023", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.99),
+    ("utracking_medium", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
+    ("utracking_hard", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
     # To pursue is the worst there is where only the edge tells.
     ("TagTrack/AreaOnly-v0", "ppo"): PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0),
     ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): PPOSettings(steps=3_000_000, gamma=0.99, ahead=0.0),
@@ -106,13 +109,15 @@ SETTINGS: dict[tuple[str, str], Settings] = {
 
 
 def find_settings(config: TrainConfig) -> Settings:
-    """Hyper-parameters of a run: the algorithm's, the environment's, the command line's, each over the one before.
+    """Hyper-parameters of a run: the algorithm's, the environment's or preset's, the command line's, each over the one before.
 
     Raises:
         ValueError: for an unknown name or a value of another kind.
     """
     own = PPOSettings() if config.algo == "ppo" else SACSettings()
     settings = SETTINGS.get((qualified_id(config.env), config.algo), own)
+    if config.preset is not None:
+        settings = SETTINGS.get((config.preset, config.algo), settings)
     changes: dict[str, Any] = {}
     known = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
     for text in config.hyper:

@@ -18,7 +18,7 @@ from tagtrack.envs.belief.renewal import spread_reach, walk_reach
 from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP
 from tagtrack.envs.belief.weighing import Measurements, Weighting
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.motion_loops import scatter_uniformly
+from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
 from tagtrack.envs.kernels.resample_loops import heaviest, resample
 from tagtrack.envs.sim.motion import (
@@ -65,6 +65,7 @@ class Belief:
     # Whether presence is weighed by a Cauchy distribution, as in the published code of Masmitja, in place of Eq. 22's normal one.
     heavy_tails: bool = False
     half_width: float = 100.0  # L: particles start uniformly in a square of 2L about the vehicle [m]
+    farthest: float = 0.0  # more than 0: they start up to this far instead, at all distances alike, as in ``Start`` [m]
     # Compound resampling (Masmitja et al. 2020): at each correction this share of the particles is spread anew about the last
     # estimate, uniformly over a disc of this radius. 0: plain resampling. They are spread before they are weighed, where the
     # paper does so after resampling: no estimate then holds particles that no reading has judged.
@@ -80,6 +81,7 @@ class Belief:
             raise ValueError(f"Belief.particles must be at most {2**20}, got {self.particles}")
         require(self.weight_floor >= 0, self, "weight_floor", "at least 0")
         require(0 <= self.renewed_share < 1, self, "renewed_share", "at least 0 and below 1")
+        require(self.farthest >= 0, self, "farthest", "at least 0")
         for name in ("half_width", "renewed_radius", "largest_jump"):
             require(getattr(self, name) > 0, self, name, "positive")
         if isinstance(self.receiver, (RangeReceiver, TimeOfFlightReceiver)):
@@ -124,6 +126,7 @@ class FilterRule:
     weight_floor: float
     heavy_tails: bool
     half_width: float
+    farthest: float
     renewed_share: float
     renewed_radius: float
     recovery: Recovery
@@ -140,6 +143,7 @@ def filter_rule(belief: Belief, time_step: float) -> FilterRule:
         weight_floor=belief.weight_floor,
         heavy_tails=belief.heavy_tails,
         half_width=belief.half_width,
+        farthest=belief.farthest,
         renewed_share=belief.renewed_share,
         renewed_radius=belief.renewed_radius,
         recovery=belief.recovery,
@@ -188,9 +192,11 @@ def make_scratch(particles: int) -> Scratch:
 def spread_particles(particles, belief, centre_x, centre_y, stream, row, rule, scratch):
     """First particles: uniform in a square about the vehicle, with random headings and speeds (4.1)."""
     fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
-    scatter_uniformly(
-        particles[0], particles[1], scratch.bits, f32(centre_x), f32(centre_y), f32(rule.half_width)
-    )
+    x, y = particles[0], particles[1]
+    if rule.farthest > 0.0:
+        scatter_on_annulus(x, y, scratch.bits, f32(centre_x), f32(centre_y), f32(0.0), f32(rule.farthest))
+    else:
+        scatter_uniformly(x, y, scratch.bits, f32(centre_x), f32(centre_y), f32(rule.half_width))
     fill_bits(stream, PREDICT + PURPOSES * row, scratch.bits)
     start_swimming(particles, scratch.bits, rule.motion)
     belief.velocity_x = 0.0

@@ -15,21 +15,25 @@ from tagtrack.envs.sim.receivers import ReceiverKind
 def update_belief(particles, belief, vehicles, contacts, stream, row, rule, time_step, scratch):
     """Prediction, and correction with the ``contacts`` (V,) of the ``vehicles`` (V,) that share the belief."""
     predict(particles, belief, stream, row, rule, time_step, scratch)
+    told = 0
     heard = 0
-    last = 0
+    last = 0  # vehicle that heard something, or else that was told by silence
     for v in range(contacts.shape[0]):
         if is_told(contacts[v], rule):
-            heard += 1
-            last = v
-    if heard == 0:
+            told += 1
+            heard += contacts[v].detected
+            if contacts[v].detected or heard == 0:
+                last = v
+    if told == 0:
         return
     renew(particles, belief, stream, row, rule)
     weigh_all(particles, vehicles, contacts, rule, scratch)
-    if rule.receiver.kind == ReceiverKind.RANGE and (belief.corrections == 0 or is_refuted(scratch.weight, heard, rule)):
+    ranged = rule.receiver.kind == ReceiverKind.RANGE and heard > 0
+    if ranged and (belief.corrections == 0 or is_refuted(scratch.weight, heard, rule)):
         scatter_on_ring(particles, vehicles[last], contacts[last], stream, row, rule, scratch)
         begin_weights(scratch)
         weigh(particles, vehicles[last], contacts[last], rule, scratch)
-    share = follow_likelihood(belief, scratch.weight, heard, rule.recovery) if rule.recovery.fast_rate > 0.0 else 0.0
+    share = follow_likelihood(belief, scratch.weight, told, rule.recovery) if rule.recovery.fast_rate > 0.0 else 0.0
     correct(particles, belief, stream, row, rule, scratch)
     if rule.recovery.fast_rate > 0.0:
         recover(particles, belief, vehicles, contacts, last, share, stream, row, rule, scratch)
@@ -38,7 +42,9 @@ def update_belief(particles, belief, vehicles, contacts, stream, row, rule, time
 @compiled
 def is_told(contact, rule):
     """Whether a vehicle has heard something that the filter uses, or surely missed a ping."""
-    return (contact.detected and is_valid(contact, rule)) or contact.missed
+    if contact.detected:
+        return is_valid(contact, rule)
+    return contact.missed and rule.receiver.max_range > 0.0
 
 
 @compiled

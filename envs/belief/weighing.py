@@ -60,12 +60,12 @@ def begin_weights(scratch):
 @compiled
 def weigh(particles, vehicle, contact, rule, scratch):
     """Multiply the weights by the likelihood of what one vehicle heard, or of its silence (Clark et al. 2013, Alg. 1)."""
-    if rule.receiver.kind == ReceiverKind.RANGE:
+    if rule.receiver.kind == ReceiverKind.RANGE and contact.detected:
         weigh_range(
             scratch.weight, particles[0], particles[1], f32(vehicle.believed_x), f32(vehicle.believed_y), f32(contact.depth),
             f32(contact.slant_range), f32(rule.receiver.range_factor), f32(rule.receiver.range_sigma), f32(rule.weight_floor),
         )  # fmt: skip
-    elif rule.receiver.kind == ReceiverKind.PRESENCE:
+    elif rule.receiver.kind == ReceiverKind.PRESENCE or rule.receiver.kind == ReceiverKind.RANGE:
         weigh_presence(particles, vehicle, contact, rule, scratch)
     elif rule.receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
         weigh_time_of_flight(particles, vehicle, contact, rule, scratch)
@@ -79,6 +79,7 @@ def weigh_presence(particles, vehicle, contact, rule, scratch):
 
     A detection weighs by the survival function, a silence by the CDF, each with a sigma of its own. Where a belief assumes that
     pings within range are missed (a ``reception`` below 1), silence says less: 1 minus reception times the survival function.
+    So is the silence of a tag that is asked for ranges.
     """
     receiver = rule.receiver
     own_x = f32(vehicle.believed_x)

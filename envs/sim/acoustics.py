@@ -140,6 +140,7 @@ def listen(contact, vehicle, target, fish_x, fish_y, pinged, stream, index, tag,
     distance = math.sqrt(dx * dx + dy * dy + contact.depth * contact.depth)
     contact.pinged = pinged
     contact.detected = pinged and hear(contact, target, distance, stream, index, water, receiver)
+    contact.missed = pinged and not contact.detected
     contact.silence += time_step
     told = pinged
     if receiver.kind == ReceiverKind.PRESENCE:

@@ -135,18 +135,26 @@ class TimeOfFlightReceiver:
 
 @dataclass(frozen=True, kw_only=True)
 class RangeReceiver:
-    """Slant range, by modem or synchronized tag. A belief scores by ``range_sigma`` and ``range_factor`` alone (Eq. 21)."""
+    """Slant range, by modem or synchronized tag. A belief scores by ``range_sigma`` and ``range_factor`` (Eq. 21).
+
+    With a ``max_range`` it scores silence too: a ping that was due and not heard says that the fish may be farther than that.
+    """
 
     range_sigma: float = 5.0  # of the Gaussian noise [m]
     range_tolerance: float = 0.0  # half width of a further, uniform noise [m]
     range_factor: float = 1.0  # reading / true range: the error of the assumed sound speed
+    max_range: float = 0.0  # of a belief: where the chance to be heard has fallen to half [m]; 0: silence says nothing
+    silence_sigma: float = 10.0  # how soft that edge is [m]
+    reception: float = 0.9  # share of the pings from within that are heard
     kind: ClassVar[ReceiverKind] = ReceiverKind.RANGE
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        for name in ("range_sigma", "range_tolerance"):
+        for name in ("range_sigma", "range_tolerance", "max_range"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
-        require(self.range_factor > 0, self, "range_factor", "positive")
+        for name in ("range_factor", "silence_sigma"):
+            require(getattr(self, name) > 0, self, name, "positive")
+        require(0 < self.reception <= 1, self, "reception", "more than 0 and at most 1")
 
     def rule(self) -> ReceiverRule:
         return ReceiverRule(
@@ -154,6 +162,9 @@ class RangeReceiver:
             range_sigma=self.range_sigma,
             range_tolerance=self.range_tolerance,
             range_factor=self.range_factor,
+            max_range=self.max_range,
+            silence_sigma=self.silence_sigma,
+            reception=self.reception,
         )
 
 

@@ -5,6 +5,7 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy import stats
 
 from tagtrack.envs.presets import PRESETS
 from tagtrack.envs.scenario import Scenario
@@ -37,6 +38,20 @@ def test_presets_are_made_like_any_environment(preset: str) -> None:
     for _ in range(50):
         assert observation in env.observation_space
         observation = env.step(env.action_space.sample())[0]
+
+
+def test_belief_of_masmitja2023_starts_as_its_targets_do_and_silence_drives_it_beyond_reach() -> None:
+    """All distances up to 1 km alike; two silences leave 1 % of what lies within reach, and the renewed come on top."""
+    unheard = {"start.nearest": 990.0, "start.shallowest": 0.0, "start.deepest": 0.0, "fish.max_speed": 0.0}
+    simulation = Simulation(build_task(RANGE_ONLY, preset="masmitja2023", particles=4000, overrides=unheard).scenario, 8)
+    simulation.reset(seed=0)
+    distance = np.hypot(simulation.worlds.particles[:, 0, 0, 0], simulation.worlds.particles[:, 0, 0, 1]).astype(float)
+    assert stats.kstest(distance.ravel()[::8] / 1000.0, "uniform").pvalue > 1e-3
+    for _ in range(2):
+        simulation.step(np.ones((8, 1, 2), np.float32))
+    assert not simulation.detected.any()
+    distance = np.hypot(simulation.worlds.particles[:, 0, 0, 0], simulation.worlds.particles[:, 0, 0, 1])
+    assert (distance < 800.0).mean() < 0.12  # 80 % at first
 
 
 def test_published_numbers_of_masmitja2023() -> None:

@@ -11,6 +11,7 @@ import pytest
 from scipy import stats
 
 from tagtrack.envs.belief.filter import AOTT, Belief, filter_rule, make_scratch
+from tagtrack.envs.belief.update import is_told
 from tagtrack.envs.belief.weighing import begin_weights, weigh
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
@@ -51,6 +52,18 @@ def test_weight_of_a_range_is_the_normal_density_of_equation_21() -> None:
     expected = stats.norm.pdf(250.0, loc=1.02 * slant, scale=6.0)
     np.testing.assert_allclose(weight, expected, rtol=0, atol=1e-4 * expected.max())
     assert abs(1.02 * slant[weight.argmax()] - 250.0) < 1.0
+
+
+def test_silence_of_a_ranging_tag_weighs_only_where_the_belief_is_told_how_far_it_is_heard() -> None:
+    """Three pings in ten are missed: out of reach silence is ten thirds as likely as within. Without a reach it says nothing."""
+    receiver = RangeReceiver(range_sigma=6.0, max_range=250.0, silence_sigma=15.0, reception=0.7)
+    belief = Belief(particles=20_000, receiver=receiver, weight_floor=0.0)
+    weight, slant, _ = weights_of(belief, detected=False)
+    np.testing.assert_allclose(weight, 1.0 - 0.7 * stats.norm.sf(slant, 250.0, 15.0), rtol=0, atol=1e-5)
+    contact = np.zeros(1, CONTACT)
+    contact["missed"] = True
+    told = (to_record(filter_rule(each, 10.0))[0] for each in (belief, replace(belief, receiver=RangeReceiver())))
+    assert [bool(is_told(contact[0], rule)) for rule in told] == [True, False]
 
 
 def test_detection_weighs_by_the_survival_function_and_silence_by_the_cdf() -> None:

@@ -10,11 +10,14 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from tagtrack.envs.presets import PRESETS
 from tagtrack.policies.files import load_policy
+from tagtrack.train.config import SETTINGS, TrainConfig, find_settings
 
 SMALL = ["--num-envs", "8", "--particles", "32", "--validation-episodes", "2", "--set", "episode_steps=12"]
 RUN_FILES = {"config.json", "versions.json", "progress.csv", "policy.safetensors", "policy.json", "learning_curve.png"}
@@ -144,6 +147,13 @@ def test_a_mistake_is_one_line_with_status_2_and_leaves_nothing(tmp_path, argume
     assert done.returncode == 2 and words in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1 and done.stderr.startswith("error: ")
     assert sorted(os.listdir(tmp_path)) == ["full"] and os.listdir(tmp_path / "full") == ["thesis.txt"]
+
+
+def test_a_preset_has_hyper_parameters_of_its_own_and_the_command_line_goes_before_them():
+    named = TrainConfig(env="RangeOnly-v0", preset="masmitja2023")
+    assert find_settings(named) == SETTINGS["masmitja2023", "ppo"] != find_settings(TrainConfig(env="RangeOnly-v0"))
+    assert find_settings(replace(named, hyper=("gamma=0.9",), steps=7)) == replace(find_settings(named), gamma=0.9, steps=7)
+    assert {preset for presets in PRESETS.values() for preset in presets} <= {name for name, _ in SETTINGS}
 
 
 def test_an_unknown_algorithm_lists_those_that_exist(tmp_path):
