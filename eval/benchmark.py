@@ -39,6 +39,8 @@ class Benchmark:
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs.
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
+    from_step: int = 0
+    """First step of each episode that counts: 100 leaves out how the fish was found."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None
     """Folder to write; an earlier benchmark's is replaced."""
 
@@ -46,6 +48,8 @@ class Benchmark:
         """Run it."""
         self.trial.check()
         task, trial, env_id = self.task.build(), self.trial, self.task.env_id
+        if not 0 <= self.from_step < task.scenario.episode_steps:
+            raise ValueError(f"--from-step must be from 0 to {task.scenario.episode_steps - 1}, got {self.from_step}")
         specs = name_contestants(self.policies)
         makers = find_makers(specs, task, env_id)
         out = self.out or default_folder("benchmark", env_id)
@@ -57,6 +61,7 @@ class Benchmark:
                 episodes=trial.episodes,
                 seed=trial.seed,
                 threads=trial.threads,
+                from_step=self.from_step,
                 env_id=env_id,
                 on_step=advance,
             )
@@ -67,6 +72,7 @@ class Benchmark:
             "policies": specs,
             "episodes": trial.episodes,
             "seed": trial.seed,
+            "from_step": self.from_step,
         }
         with replace_results(out, OWN_FILES) as folder:
             write_benchmark(folder, comparison.document(collect_versions()))

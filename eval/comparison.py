@@ -26,7 +26,8 @@ class Comparison:
     env: str
     task: Task
     seed: int
-    records: Mapping[str, EpisodeRecord]  # error and range, each (E, K) [m]
+    from_step: int  # first of an episode that counts
+    records: Mapping[str, EpisodeRecord]  # error and range, each (E, K) [m], from that step on
     summaries: Mapping[str, Mapping[str, Interval]]  # figures of ``metrics.summarize``
     ratios: Mapping[str, Interval]  # keyed FIRST/NAME: above 1, NAME is better
 
@@ -45,6 +46,7 @@ class Comparison:
             env=self.env,
             episodes=self.episodes,
             seed=self.seed,
+            from_step=self.from_step,
             particles=self.task.scenario.belief.particles,
             tracks=self.task.describe_tracks(),
             versions=versions,
@@ -63,6 +65,7 @@ def compare(
     block: SeedBlock = SeedBlock.BENCHMARK,
     threads: int = 1,
     batch: int = 128,
+    from_step: int = 0,
     perimeter: float | None = None,
     bootstrap: Bootstrap | None = None,
     env_id: str = "custom",
@@ -80,6 +83,7 @@ def compare(
             that ``name_contestants`` gives them.
         episodes: E. seed: of the first episode within its ``block``. threads, batch: change the speed, not the results.
         particles: of the belief, instead of the task's.
+        from_step: what comes before it is left out of all figures.
         perimeter: for ``inside_perimeter`` [m]; None: the scenario's, if it has one.
         env_id: what a ``Task`` is called in the result.
         on_step: called with the policy's name and the number of env steps just done, for progress bars.
@@ -94,15 +98,17 @@ def compare(
     records = {}
     for name, maker in makers.items():
         tell = None if on_step is None else _bind(on_step, name)
-        records[name] = roll_out(
+        whole = roll_out(
             task, maker, episodes=episodes, seed=block_seed(block, seed), threads=threads, batch=batch, on_step=tell
         )
+        records[name] = whole.from_step(from_step)
     if perimeter is None:
         perimeter = task.scenario.reward.perimeter or math.nan
     return Comparison(
         env=env_id,
         task=task,
         seed=seed,
+        from_step=from_step,
         records=records,
         summaries={
             name: summarize(record, perimeter=perimeter, lost_error=task.scenario.lost_error, bootstrap=bootstrap)

@@ -52,6 +52,14 @@ class EpisodeRecord:
         """Number of episodes, E."""
         return self.error.shape[0]
 
+    def from_step(self, step: int) -> EpisodeRecord:
+        """The same episodes without what came before a step."""
+        return EpisodeRecord(
+            error=self.error[:, step:],
+            range=None if self.range is None else self.range[:, step:],
+            reward=None if self.reward is None else self.reward[:, step:],
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:

@@ -28,6 +28,7 @@ def benchmark_document(
     env: str,
     episodes: int,
     seed: int,
+    from_step: int = 0,
     particles: int,
     tracks: Mapping[str, Any] | None = None,
     versions: Mapping[str, str],
@@ -45,6 +46,7 @@ def benchmark_document(
         "env": env,
         "episodes": episodes,
         "seed": seed,
+        "from_step": from_step,
         "particles": particles,
         "tracks": None if tracks is None else dict(tracks),
         "versions": dict(versions),
@@ -89,8 +91,9 @@ def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
 
 def caption(document: Document) -> str:
     """A few sentences that say what the table was made from and how it is read."""
+    later = f"from step {first_step} on, " if (first_step := document.get("from_step")) else ""
     text = (
-        f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, "
+        f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, {later}"
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals over episodes."
     )
     if document["ratios"]:

@@ -8,6 +8,7 @@ from tagtrack.eval import compare
 from tagtrack.eval.comparison import typical_episodes
 from tagtrack.eval.contestants import find_makers, name_contestants
 from tagtrack.eval.metrics import paired_ratio
+from tagtrack.eval.report import caption
 from tagtrack.eval.rollout import SeedBlock
 
 
@@ -28,6 +29,17 @@ def test_arrays_and_figures_belong_together(task):
     assert comparison.ratios["stationary/pursuit"] == paired_ratio(*comparison.records.values())
     document = comparison.document({"tagtrack": "0"})
     assert (document["env"], document["episodes"], document["seed"], document["particles"]) == ("custom", 4, 9, 60)
+
+
+def test_steps_before_the_first_that_counts_are_in_no_figure(task):
+    whole = compare(task, ["stationary", "pursuit"], episodes=4)
+    late = compare(task, ["stationary", "pursuit"], episodes=4, from_step=30)
+    for name, record in late.records.items():
+        np.testing.assert_array_equal(record.error, whole.records[name].error[:, 30:])
+        np.testing.assert_array_equal(record.range, whole.records[name].range[:, 30:])
+        assert late.summaries[name]["mean_error_m"].value == pytest.approx(record.error.mean())
+    assert late.document({})["from_step"] == 30 and "from step 30 on" in caption(late.document({}))
+    assert "from step" not in caption(whole.document({}))
 
 
 def test_an_id_a_policy_and_a_maker_will_do_too(task, save_run, tmp_path):
