@@ -67,7 +67,7 @@ def resumed_config(given: TrainConfig, saved: TrainConfig) -> TrainConfig:
 def build_task_of(config: TrainConfig) -> Any:
     from tagtrack.envs.task import build_task, parse_overrides
 
-    task = build_task(
+    return build_task(
         qualified_id(config.env),
         preset=config.preset,
         particles=config.particles,
@@ -75,9 +75,6 @@ def build_task_of(config: TrainConfig) -> Any:
         time_scale=config.time_scale,
         overrides=parse_overrides(config.set, config.motion),
     )
-    if config.validation_episodes < 2:
-        raise ValueError(f"--validation-episodes must be at least 2, got {config.validation_episodes}")
-    return task
 
 
 def check_device(device: str) -> None:
@@ -135,7 +132,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
     env.seed(training_seed)  # after the model, which seeds its environment with its own seed
     model.set_logger(make_logger(folder))
     training = Training(
-        folder, task, env_id, total=settings.steps, seed=config.seed, episodes=config.validation_episodes, state=state
+        folder, task, env_id, total=settings.steps, seed=config.seed, episodes=settings.validation_episodes, state=state
     )
     started = time.perf_counter()
     finished = learn(model, training)

@@ -124,6 +124,7 @@ def wait_for_checkpoint(run: Path, process: subprocess.Popen) -> None:
         (["--env", "Whale-v0"], "unknown environment 'Whale-v0'; known: TagTrack/LeopardShark-v0"),
         (["--steps", "0"], "--steps must be at least 1, got 0"),
         (["--particles", "0"], "at least 1, got 0"),
+        (["--validation-episodes", "1"], "--validation-episodes must be at least 2, got 1"),
         (["--set", "tag.period=-2"], "Tag.period must be positive, got -2.0"),
         (["--set", "vehicle.max_speed=nan"], "max_speed"),
         (["--set", "water.clarity=1"], "unknown parameter 'water.clarity'"),
