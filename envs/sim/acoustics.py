@@ -40,10 +40,10 @@ class Water:
 
 # What one vehicle hears of one tag. `units` [Lotek], `strength` and `slant_range` [m] are the last reading, NaN before the
 # first, `previous_range` the one before; `silence` is the time since the last [s]; `noisy` tells a burst of losses; `missed` that
-# a silence has just become certain to have swallowed a ping, and `surely_by` the time by which the next one will have come for
-# certain [s]; `heard_lately` and `heard_long` are averages of detections over pings, `port` the share of particles to port,
-# `cos_lately` and `sin_lately` averages of the belief's bearing relative to the heading. The vehicle knows the `depth` of the
-# fish [m], but not the `clock_error` by which this receiver takes a ping of this tag for later than it was [s].
+# a ping was not heard, or that a silence has just become certain to have swallowed one, and `surely_by` the time by which the
+# next one will have come for certain [s]; `heard_lately` and `heard_long` are averages of detections over pings, `port` the share
+# of particles to port, `cos_lately` and `sin_lately` averages of the belief's bearing relative to the heading. The vehicle knows
+# the `depth` of the fish [m], not the `clock_error` by which this receiver takes a ping of this tag for later than it was [s].
 CONTACT = np.dtype(
     [(name, np.bool_) for name in ("pinged", "detected", "missed", "noisy")]
     + [
