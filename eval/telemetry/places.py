@@ -77,6 +77,7 @@ def read_receivers(path: str | Path) -> ReceiverPlaces:
     """
     places: dict[str, Floats] = {}
     with open_csv(path, "receiver", RECEIVER_COLUMNS) as table:
+        _require_places(table, RECEIVER_COLUMNS)
         axes = position_columns(table.columns)
         for row in table.rows(("receiver", *axes)):
             if not row.field["receiver"].strip():
@@ -107,7 +108,8 @@ def read_sync_tags(path: str | Path, plane: Plane | None = None) -> list[SyncTag
     """
     tags: dict[str, SyncTag] = {}
     with open_csv(path, "sync tag", SYNC_TAG_COLUMNS) as table:
-        axes, unfit = _axes(table, plane, SYNC_TAG_COLUMNS)
+        _require_places(table, SYNC_TAG_COLUMNS)
+        axes, unfit = _axes(table, plane)
         for row in table.rows((*OWN_TAG_COLUMNS, *(axes or ()), *(unfit or ()))):
             tag = _new_name(row, "tag", tags)
             receiver = row.name("receiver") if row.field["receiver"].strip() else None
@@ -139,7 +141,8 @@ def read_reference(path: str | Path, plane: Plane | None = None) -> Reference:
     tracks: tuple[Track, ...] = ()
     with open_csv(path, "reference", REFERENCE_COLUMNS) as table:
         moving = "t_unix_s" in table.columns
-        axes, unfit = _axes(table, plane, ("t_unix_s" if moving else "tag", *METRES))
+        _require_places(table, ("t_unix_s" if moving else "tag", *METRES))
+        axes, unfit = _axes(table, plane)
         if axes is None:
             raise ValueError(f"{path}: line 1: {_misfit(unfit)}")
         if moving and "tag" in table.columns:
@@ -172,16 +175,16 @@ def read_own_tags(path: str | Path) -> dict[str, tuple[str, ...]]:
     return {receiver: tuple(tag for tag, host in beside.items() if host == receiver) for receiver in receivers}
 
 
-def _axes(table: CsvTable, plane: Plane | None, needed: Sequence[str]) -> tuple[Pair | None, Pair | None]:
-    """Columns of places in the units of the receivers, and columns in the other units; None where not named.
-
-    Raises:
-        ValueError: if neither are.
-    """
-    metres, degrees = METRES if set(METRES) <= set(table.columns) else None, degree_columns(table.columns)
-    if not (metres or degrees):
+def _require_places(table: CsvTable, needed: Sequence[str]) -> None:
+    """Raise ValueError that lists the columns ``needed`` if a table has neither metres nor degrees."""
+    if not set(METRES) <= set(table.columns) and degree_columns(table.columns) is None:
         columns = f"{','.join(needed)}, got {table.header}; rename or add them (degrees: lon,lat for x,y)"
         raise ValueError(f"{table.path}: line 1 must name the columns {columns}")
+
+
+def _axes(table: CsvTable, plane: Plane | None) -> tuple[Pair | None, Pair | None]:
+    """Columns of places in the units of the receivers, and columns in the other units; None where not named."""
+    metres, degrees = METRES if set(METRES) <= set(table.columns) else None, degree_columns(table.columns)
     return (metres, degrees) if plane is None else (degrees, metres)
 
 
