@@ -76,13 +76,13 @@ def one_way(own: Floats, other: Floats, resolution: float = 0.0) -> OneWay:
 
 
 def survey_distances(
-    detections: Detections, own_tags: Mapping[str, str], sound_speed: float, window: float = DEFAULT_WINDOW
+    detections: Detections, own_tags: Mapping[str, str | tuple[str, ...]], sound_speed: float, window: float = DEFAULT_WINDOW
 ) -> tuple[Baseline, ...]:
     """Distances between receivers with own tags: every pair of which at least one heard the other.
 
     Args:
         detections: on corrected clocks, or on clocks apart by a constant less than ``window`` [s].
-        own_tags: tag beside a receiver, by receiver. sound_speed: [m/s].
+        own_tags: tag beside a receiver, or several, by receiver; the pings of several count alike. sound_speed: [m/s].
     Raises:
         ValueError: for fewer than two receivers with own tags, or if none heard another's.
     """
@@ -92,14 +92,15 @@ def survey_distances(
     resolution = time_resolution(detections.time)
     arrivals = {}
     for name in receivers:
-        if own_tags[name] in detections.tags:
-            arrivals[name] = match_pings(detections.of_tag(own_tags[name]), window, least_receivers=2).pings.arrival
+        beside = own_tags[name]
+        heard = [tag for tag in ((beside,) if isinstance(beside, str) else beside) if tag in detections.tags]
+        matched = [match_pings(detections.of_tag(tag), window, least_receivers=2).pings.arrival for tag in heard]
+        arrivals[name] = np.concatenate(matched) if matched else np.empty((0, len(detections.receivers)))
     found = []
     for pair in combinations(receivers, 2):
         ways = []
         for source, sink in (pair, pair[::-1]):
-            arrival = arrivals.get(source, np.empty((0, len(detections.receivers))))
-            own, other = (arrival[:, detections.receivers.index(name)] for name in (source, sink))
+            own, other = (arrivals[source][:, detections.receivers.index(name)] for name in (source, sink))
             ways.append(one_way(own, other, resolution))
         if ways[0].pings + ways[1].pings:
             found.append(_baseline(pair, ways[0], ways[1], sound_speed))

@@ -13,11 +13,12 @@ import tyro
 
 from tagtrack.eval.array.locating import Averaging, Located, LocateOptions
 from tagtrack.eval.array.maps import Cloud, plot_map
+from tagtrack.eval.array.reading import describe_plane
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.telemetry import Reference, read_reference
+from tagtrack.eval.telemetry import Plane, Reference, read_receivers, read_reference
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("positions.csv", "summary.json", "map.png")
@@ -29,7 +30,8 @@ class Locate:
     """Locate tags from what moored receivers heard of them.
 
     Writes positions.csv (one row for each ping, or for each AVERAGE of them), summary.json and map.png. Clocks must agree: see
-    `array sync`. Times that were rounded (to 10 ms in some exports) want --average 30 to 100.
+    `array sync`. Times that were rounded (to 10 ms in some exports) want --average 30 to 100. Where --receivers is in degrees,
+    positions.csv has lon,lat too, and x,y are metres east and north of the origin that summary.json names.
     """
 
     source: LocateOptions
@@ -40,7 +42,7 @@ class Locate:
     systematic: float = 1e-3
     """What averaging does not remove: errors of clocks and of places over the speed of sound, of each receiver [s]."""
     reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
-    """Where tags really were: csv with columns tag,x,y (at rest) or t_unix_s,x,y (a track, interpolated)."""
+    """Where tags really were: csv with columns tag,x,y (at rest) or t_unix_s,x,y (a track, interpolated), or lon,lat."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = field(default=Path("runs/array-locate"))
     """Folder to write; an earlier result is replaced."""
 
@@ -54,8 +56,10 @@ class Locate:
         if not self.systematic >= 0:
             raise ValueError(f"--systematic must be at least 0, got {self.systematic}")
         require_replaceable(self.out, OWN_FILES, "localization")
-        reference = read_reference(self.reference) if self.reference is not None else None
-        detections, places = self.source.read()
+        places = read_receivers(self.source.receivers)
+        plane = places.plane
+        reference = read_reference(self.reference, plane) if self.reference is not None else None
+        detections = self.source.read(places)
         tags = self.source.tags or detections.tags
         located = []
         with progress_bar(len(tags), "tags") as advance:
@@ -73,11 +77,13 @@ class Locate:
             "detections": [str(path) for path in self.source.detections],
             "receivers": str(self.source.receivers),
             "reference": str(self.reference) if self.reference is not None else None,
+            **({"origin": plane.origin} if plane else {}),
             "versions": collect_versions(),
         }
-        print_summary(document)
+        print_summary(document, plane)
         with replace_results(self.out, OWN_FILES) as folder:
-            (folder / "positions.csv").write_text("\n".join([COLUMNS, *position_rows(located), ""]), encoding="utf-8")
+            columns = f"{COLUMNS},lon,lat" if plane else COLUMNS
+            (folder / "positions.csv").write_text("\n".join([columns, *position_rows(located, plane), ""]), encoding="utf-8")
             write_json(folder / "summary.json", document)
             clouds = [Cloud(name=each.tag, position=each.positions.position[each.known]) for each in located]
             truth = np.concatenate([true_places(each, reference) for each in located])
@@ -106,17 +112,18 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     return {**figures, "sigma_s": located.sigma, "arrivals_removed": located.removed}
 
 
-def position_rows(located: Sequence[Located]) -> list[str]:
-    """Lines of positions.csv, tag by tag in order of time."""
+def position_rows(located: Sequence[Located], plane: Plane | None = None) -> list[str]:
+    """Lines of positions.csv, tag by tag in order of time; with a plane they end in degrees, to 1e-8 (1 mm)."""
     lines = []
     for each in located:
         heard = each.pings.heard.sum(axis=1)
         sd = each.sd
-        for k in np.flatnonzero(each.known):
+        rows = np.flatnonzero(each.known)
+        degrees = plane.to_geodetic(each.positions.position[rows]) if plane else np.empty((rows.size, 0))
+        for k, place in zip(rows, degrees, strict=True):
             (x, y), (sd_x, sd_y) = each.positions.position[k], sd[k]
-            lines.append(
-                f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
-            )
+            line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
+            lines.append(line + "".join(f",{value:.8f}" for value in place))
     return lines
 
 
@@ -128,7 +135,7 @@ def true_places(located: Located, reference: Reference | None) -> np.ndarray:
     return reference.position(located.tag, time)
 
 
-def print_summary(document: dict[str, Any]) -> None:
+def print_summary(document: dict[str, Any], plane: Plane | None = None) -> None:
     """A row for each tag."""
 
     def shown(value: float | None, digits: int = 2) -> str:
@@ -148,4 +155,4 @@ def print_summary(document: dict[str, Any]) -> None:
     note = f"{document['method']}, {document['sound_speed_m_s']:g} m/s"
     note += f", {document['average']} pings to a position" if document["average"] > 1 else ""
     note += f", a position each {document['average_hours']:g} h" if document["average_hours"] else ""
-    rich.print(as_console_table(header, rows, note))
+    rich.print(as_console_table(header, rows, note + describe_plane(plane)))

@@ -18,7 +18,7 @@ from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, P
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
 from tagtrack.eval.array.reading import read_aloud
-from tagtrack.eval.telemetry import ReceiverPlaces, read_receivers
+from tagtrack.eval.telemetry import ReceiverPlaces
 
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
 
@@ -68,7 +68,7 @@ class LocateOptions:
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
     """Detections on corrected clocks: csv or csv.gz (t_unix_s,receiver,tag), VUE or GLATOS exports, or folders of text files."""
     receivers: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """csv file with columns receiver,x,y [m]; detections by receivers that it does not name are left out."""
+    """csv with columns receiver,x,y [m] or receiver,lon,lat [degrees]; detections by receivers not in it are left out."""
     tags: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ID ...", help_behavior_hint="(all)")] = ()
     """Tags to locate."""
     method: Annotated[str, tyro.conf.arg(metavar="NAME")] = "wls_ml"
@@ -94,13 +94,12 @@ class LocateOptions:
         if self.min_receivers < 3:
             raise ValueError(f"--min-receivers must be at least 3, which a position takes, got {self.min_receivers}")
 
-    def read(self) -> tuple[Detections, ReceiverPlaces]:
-        """The detections by the receivers whose places are known, and those places.
+    def read(self, places: ReceiverPlaces) -> Detections:
+        """The detections by the receivers whose places are known.
 
         Raises:
             ValueError: for files that disagree, naming the names they have.
         """
-        places = read_receivers(self.receivers)
         detections = read_aloud(self.detections)
         common = [name for name in detections.receivers if name in places.names]
         if not common:
@@ -112,7 +111,7 @@ class LocateOptions:
         missing = [tag for tag in self.tags if tag not in detections.tags]
         if missing:
             raise ValueError(f"no detection of tag {missing[0]!r}; there are {shorten(detections.tags)}")
-        return _by_place(detections, places), places
+        return _by_place(detections, places)
 
     def locate(self, detections: Detections, places: ReceiverPlaces, averaging: Averaging | None = None) -> Iterator[Located]:
         """Each tag in turn."""

@@ -38,7 +38,7 @@ def plot_map(
     The map shows the receivers and the inner 98 % of all positions, with a margin.
     """
     figure, (axes,) = empty_figure(width=8.0, height=7.0)
-    origin = np.round(receivers.mean(axis=0), -2)
+    origin = np.round(receivers.mean(axis=0), -2) + 0.0  # -0 is 0
     for cloud, colour in zip(clouds, _colours(len(clouds)), strict=True):
         style: dict[str, Any] = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
         label = cloud.name if len(clouds) <= MOST_NAMED else None

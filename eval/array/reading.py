@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.baselines.static_array.model import Floats
-from tagtrack.eval.telemetry import read_receivers, read_telemetry
+from tagtrack.eval.telemetry import Plane, read_receivers, read_telemetry
 
 
 def read_aloud(paths: Sequence[Path]) -> Detections:
@@ -18,9 +18,14 @@ def read_aloud(paths: Sequence[Path]) -> Detections:
     return reading.detections
 
 
-def read_places(path: Path | None) -> dict[str, Floats]:
-    """Places (2,) [m] of receivers by name; none without a file."""
+def read_places(path: Path | None) -> tuple[dict[str, Floats], Plane | None]:
+    """Places (2,) [m] of receivers by name, none without a file, and the plane of those that were in degrees."""
     if path is None:
-        return {}
+        return {}, None
     known = read_receivers(path)
-    return dict(zip(known.names, known.position, strict=True))
+    return dict(zip(known.names, known.position, strict=True)), known.plane
+
+
+def describe_plane(plane: Plane | None) -> str:
+    """What the note below a table says of its x and y; nothing of those that a file gave."""
+    return f"; x and y are metres east and north of lon {plane.longitude:.7f}, lat {plane.latitude:.7f}" if plane else ""

@@ -17,15 +17,16 @@ from tagtrack.baselines.static_array.detections import shorten
 from tagtrack.baselines.static_array.model import Floats
 from tagtrack.baselines.static_array.places import Places, Placing, place_freely, place_on, places_from_distances
 from tagtrack.baselines.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
-from tagtrack.eval.array.reading import read_aloud, read_places
+from tagtrack.eval.array.reading import describe_plane, read_aloud, read_places
 from tagtrack.eval.array.survey_plot import plot_map
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.report import as_console_table, write_json, write_text
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.telemetry import read_sync_tags
+from tagtrack.eval.telemetry import Plane, read_own_tags
 from tagtrack.eval.versions import collect_versions
 
 RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")  # columns of receivers.csv
+DEGREES = ("lon", "lat")  # where the reference places are in degrees
 OWN_FILES = ("distances.csv", "receivers.csv", "survey.json", "map.png")
 
 
@@ -34,17 +35,18 @@ class Survey:
     """Measure the distances between receivers that carry sync tags, and place the receivers by them.
 
     Takes detections on corrected clocks (of `array sync`), of receivers that log the pings of the tags beside them. Writes
-    distances.csv, receivers.csv (as other commands take it), survey.json and map.png.
+    distances.csv, receivers.csv (as other commands take it), survey.json and map.png. With --reference in degrees
+    receivers.csv has lon,lat too; other commands take its x,y, unless you remove these columns.
     """
 
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
     """Files of detections: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
     sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """csv with columns tag,receiver,x,y: the receiver that a sync tag hangs beside; x and y may be empty."""
+    """csv with columns tag,receiver: the receiver that a sync tag hangs beside; if several hang beside one, all are used."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write; earlier results of this command are replaced."""
     reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(first receiver at 0, 0)")] = None
-    """csv with columns receiver,x,y [m] of places to turn and move the receivers onto."""
+    """csv with columns receiver,x,y [m] or receiver,lon,lat [degrees] of places to turn and move the receivers onto."""
     sound_speed: float = 1500.0
     """Speed of sound [m/s]."""
 
@@ -53,8 +55,9 @@ class Survey:
         if not (np.isfinite(self.sound_speed) and self.sound_speed > 0):
             raise ValueError(f"--sound-speed must be positive, got {self.sound_speed}")
         require_replaceable(self.out, OWN_FILES, "survey")
-        own_tags = {sync.receiver: sync.tag for sync in read_sync_tags(self.sync_tags) if sync.receiver is not None}
-        reference = read_places(self.reference) or None
+        own_tags = read_own_tags(self.sync_tags)
+        known, plane = read_places(self.reference)
+        reference = known or None
         baselines = survey_distances(read_aloud(self.detections), own_tags, self.sound_speed)
         names = survey_receivers(baselines)
         pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
@@ -71,14 +74,15 @@ class Survey:
             "detections_files": [str(path) for path in self.detections],
             "sync_tags_file": str(self.sync_tags),
             "reference_file": None if self.reference is None else str(self.reference),
-            **survey_document(baselines, names, places, placing, reference),
+            **survey_document(baselines, names, places, placing, reference, plane),
             "sound_speed_m_s": self.sound_speed,
             "versions": collect_versions(),
         }
-        print_survey(document)
+        print_survey(document, plane)
         with replace_results(self.out, OWN_FILES) as folder:
             write_text(folder / "distances.csv", as_csv(document["distances"]))
-            write_text(folder / "receivers.csv", as_csv([{key: row[key] for key in RECEIVER} for row in document["receivers"]]))
+            columns = (*RECEIVER, *(DEGREES if plane else ()))
+            write_text(folder / "receivers.csv", as_csv([{key: row[key] for key in columns} for row in document["receivers"]]))
             write_json(folder / "survey.json", document)
             save_figure(folder / "map.png", plot_map(document))
         print(f"written: {self.out}")
@@ -100,6 +104,7 @@ def survey_document(
     places: Places,
     placing: Placing,
     reference: Mapping[str, Floats] | None,
+    plane: Plane | None = None,
 ) -> dict[str, Any]:
     """What survey.json holds: distances, places, and how they were placed; null where there is no figure."""
     receivers = []
@@ -109,6 +114,9 @@ def survey_document(
         receivers.append(
             {"receiver": name, "x": x, "y": y, "sd_x": sd_x, "sd_y": sd_y, "reference": target, "from_reference_m": off}
         )
+    if plane:
+        for row, degrees in zip(receivers, plane.to_geodetic(places.position).tolist(), strict=True):
+            row.update(zip(DEGREES, degrees, strict=True))
     distances = [
         {
             "first": line.receivers[0],
@@ -125,7 +133,8 @@ def survey_document(
     ]
     turned = float(np.degrees(np.arctan2(placing.rotation[1, 0], placing.rotation[0, 0])))
     mirrored = bool(np.linalg.det(placing.rotation) < 0)
-    return {"distances": distances, "receivers": receivers, "turned_deg": turned, "mirrored": mirrored}
+    origin = {"origin": plane.origin} if plane else {}
+    return {"distances": distances, "receivers": receivers, "turned_deg": turned, "mirrored": mirrored, **origin}
 
 
 def _way(name: str, way: OneWay) -> dict[str, float | int | None]:
@@ -145,7 +154,7 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def print_survey(document: Mapping[str, Any]) -> None:
+def print_survey(document: Mapping[str, Any], plane: Plane | None = None) -> None:
     """Distances, and places."""
 
     def cell(value: float | None) -> str:
@@ -168,5 +177,6 @@ def print_survey(document: Mapping[str, Any]) -> None:
     rich.print(as_console_table(header, rows, note))
     figures = ("x", "y", "sd_x", "sd_y", "from_reference_m")
     rows = [[line["receiver"], *(cell(line[figure]) for figure in figures)] for line in document["receivers"]]
-    note = "sd of the shape alone: where it lies and how it is turned is taken from the reference places, with their errors."
+    note = "sd of the shape alone: where it lies and how it is turned is taken from the reference places, with their errors"
+    note += describe_plane(plane) + "."
     rich.print(as_console_table(["receiver", "x [m]", "y [m]", "sd x [m]", "sd y [m]", "from reference [m]"], rows, note))

@@ -40,11 +40,11 @@ class Sync:
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
     """Files of detections on the receivers' own clocks: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
     sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """csv with columns tag,receiver,x,y: the receiver that a sync tag hangs beside, if any, and its place, if known apart [m]."""
+    """csv with columns tag,receiver,x,y: the receiver that a tag hangs beside, and its place [m] (or lon,lat); may be empty."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder to write; earlier results of this command are replaced."""
     receivers: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(unknown)")] = None
-    """csv with columns receiver,x,y [m]. Without it, offsets come from sync tags beside receivers that hear each other."""
+    """csv: receiver,x,y [m] or receiver,lon,lat [degrees]; without it, tags by receivers that hear each other tell offsets."""
     sound_speed: float = 1500.0
     """Speed of sound [m/s]."""
     degree: int = 3
@@ -67,8 +67,8 @@ class Sync:
             segment=None if self.segment_days is None else self.segment_days * DAY,
             largest_offset=self.largest_offset,
         )
-        sync_tags = read_sync_tags(self.sync_tags)
-        places = read_places(self.receivers)
+        places, plane = read_places(self.receivers)
+        sync_tags = read_sync_tags(self.sync_tags, plane)
         detections = read_aloud(self.detections)
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
         with progress_bar(pairs + 1, unit="pairs") as advance:

@@ -20,10 +20,10 @@ from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
-from tagtrack.eval.telemetry import write_tracks
+from tagtrack.eval.telemetry import read_receivers, write_movebank, write_tracks
 from tagtrack.eval.versions import collect_versions
 
-OWN_FILES = ("tracks.csv", "training.csv", "held_out.csv", "tracks.json", "map.png")
+OWN_FILES = ("tracks.csv", "training.csv", "held_out.csv", "movebank.csv", "tracks.json", "map.png")
 SINGLE_PING_METHODS = ("wls", "ml", "wls_ml")
 
 
@@ -52,7 +52,8 @@ class Tracks:
 
     Writes tracks.csv (tag,t_unix_s,x,y), training.csv and held_out.csv (the same, split by animal), tracks.json and map.png.
     Where no ping was located for longer than --longest-gap the track is cut: no rows stand there. Use a file with
-    `python -m train --tracks FILE`.
+    `python -m train --tracks FILE`. Where --receivers is in degrees, x,y are metres east and north of the origin that tracks.json
+    names, and movebank.csv has the tracks in degrees, as Movebank takes them.
     """
 
     source: LocateOptions
@@ -75,7 +76,9 @@ class Tracks:
         """Run it."""
         self.check()
         require_replaceable(self.out, OWN_FILES, "set of tracks")
-        detections, places = self.source.read()
+        places = read_receivers(self.source.receivers)
+        plane = places.plane
+        detections = self.source.read(places)
         tags = self.source.tags or detections.tags
         animals: list[Animal] = []
         with progress_bar(len(tags), "tags") as advance:
@@ -93,12 +96,15 @@ class Tracks:
             "interval_s": self.interval,
             "longest_gap_s": self.longest_gap,
             "detections": [str(path) for path in self.source.detections],
+            **({"origin": plane.origin} if plane else {}),
             "versions": collect_versions(),
         }
         print_animals(document)
         with replace_results(self.out, OWN_FILES) as folder:
             tracks = {animal.tag: animal.track for animal in found}
             write_tracks(folder / "tracks.csv", tracks)
+            if plane:
+                write_movebank(folder / "movebank.csv", tracks, plane)
             if len(tracks) > 1:
                 parts = split_tracks(list(tracks.values()), self.held_out, self.seed)
                 for name, part in zip(("training", "held_out"), parts, strict=True):

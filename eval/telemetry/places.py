@@ -1,7 +1,13 @@
-"""What is known beforehand of an array: where its receivers and sync tags are, and where reference tags truly were."""
+"""What is known beforehand of an array: where its receivers and sync tags are, and where reference tags truly were.
+
+Each is given in metres of any plane, or as longitude and latitude [degrees, WGS84]. The plane is that of the receivers:
+what is in metres has another origin, and is never put beside what is in degrees.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,22 +16,26 @@ from numpy.typing import ArrayLike
 
 from tagtrack.baselines.static_array.detections import Floats, shorten
 from tagtrack.baselines.static_array.travel import SyncTag
-from tagtrack.envs.sim.csv_table import Row, open_csv
-from tagtrack.envs.sim.tracks import Track
-from tagtrack.eval.telemetry.tracks import read_tracks
+from tagtrack.envs.sim.csv_table import CsvTable, Row, open_csv
+from tagtrack.envs.sim.tracks import Track, collect_tracks
+from tagtrack.eval.telemetry.plane import Plane, check_geodetic, degree_columns, position_columns
 
-RECEIVER_COLUMNS = ("receiver", "x", "y")
-SYNC_TAG_COLUMNS = ("tag", "receiver", "x", "y")
-REFERENCE_COLUMNS = ("tag", "x", "y")
+Pair = tuple[str, str]
+METRES = ("x", "y")
+RECEIVER_COLUMNS = ("receiver", *METRES)
+OWN_TAG_COLUMNS = ("tag", "receiver")
+SYNC_TAG_COLUMNS = (*OWN_TAG_COLUMNS, *METRES)
+REFERENCE_COLUMNS = ("tag", *METRES)
 LONGEST_BRIDGE = 120.0  # [s] between two rows of a reference track: a boat or a vehicle does much in two minutes
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverPlaces:
-    """R receivers: ``names``, and ``position`` (R, 2) [m]."""
+    """R receivers: ``names``, and ``position`` (R, 2) [m] in ``plane``: None where a file gave x and y without saying of what."""
 
     names: tuple[str, ...]
     position: Floats
+    plane: Plane | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,73 +65,162 @@ class Reference:
 
 
 def read_receivers(path: str | Path) -> ReceiverPlaces:
-    """Receivers in the order of a csv with columns ``receiver,x,y`` [m in any plane], others ignored.
+    """Receivers in the order of a csv with columns ``receiver`` and ``x,y`` [m in any plane], others ignored.
+
+    Or else, without x and y, ``lon,lat`` or ``longitude,latitude`` [degrees, WGS84]: in the plane about their mean.
 
     Raises:
-        ValueError: for missing columns, no rows, a name that is empty or given twice, a coordinate that is no finite number;
-            names file and line.
+        ValueError: for missing columns, no rows, a name that is empty or given twice, a coordinate that is no finite number,
+            degrees there are none of; names file and line. Or for receivers over 100 km from their mean.
+        ImportError: for longitude and latitude without pymap3d.
         FileNotFoundError: where there is no such file.
     """
-    places: dict[str, tuple[float, float]] = {}
+    places: dict[str, Floats] = {}
     with open_csv(path, "receiver", RECEIVER_COLUMNS) as table:
-        for row in table.rows(RECEIVER_COLUMNS):
+        _require_places(table, RECEIVER_COLUMNS)
+        axes = position_columns(table.columns)
+        for row in table.rows(("receiver", *axes)):
             if not row.field["receiver"].strip():
                 raise ValueError(f"{row.where}: receiver must not be empty; leave out rows of moorings without a receiver")
-            places[_new_name(row, "receiver", places)] = row.number("x"), row.number("y")
+            places[_new_name(row, "receiver", places)] = _coordinates(row, axes)
     if not places:
         raise ValueError(f"{path} holds no receivers; give one row for each")
-    return ReceiverPlaces(names=tuple(places), position=np.array(list(places.values())))
+    names, position = tuple(places), np.array(list(places.values()))
+    if axes == METRES:
+        return ReceiverPlaces(names=names, position=position)
+    plane = Plane.amid(position)
+    return ReceiverPlaces(names=names, position=_lay(position, plane, path), plane=plane)
 
 
-def read_sync_tags(path: str | Path) -> list[SyncTag]:
-    """Sync tags of a csv with columns ``tag,receiver,x,y``, others ignored.
+def read_sync_tags(path: str | Path, plane: Plane | None = None) -> list[SyncTag]:
+    """Sync tags of a csv with columns ``tag,receiver`` and ``x,y``, ``lon,lat`` or ``longitude,latitude``, others ignored.
 
-    ``receiver`` is empty for a tag that hangs alone; ``x,y`` [m] may both be empty where there is a receiver.
+    ``receiver`` is empty for a tag that hangs alone. The place may be empty: that of the receiver is then taken; else it
+    is unknown, and the tag tells of the drift of clocks, not of their offsets.
 
+    Args:
+        plane: of the receivers, if theirs is in degrees; places must then be in degrees too, and otherwise in metres.
     Raises:
-        ValueError: for missing columns, no rows, a tag that is empty or given twice, a row with neither receiver nor place,
-            a coordinate that is no finite number; names file and line.
+        ValueError: for missing columns, no rows, a tag that is empty or given twice, a coordinate that is no finite number,
+            degrees there are none of, a place in other units than the receivers' or too far from them; names file and line.
+        ImportError: for longitude and latitude without pymap3d.
         FileNotFoundError: where there is no such file.
     """
     tags: dict[str, SyncTag] = {}
     with open_csv(path, "sync tag", SYNC_TAG_COLUMNS) as table:
-        for row in table.rows(SYNC_TAG_COLUMNS):
+        _require_places(table, SYNC_TAG_COLUMNS)
+        axes, unfit = _axes(table, plane)
+        for row in table.rows((*OWN_TAG_COLUMNS, *(axes or ()), *(unfit or ()))):
             tag = _new_name(row, "tag", tags)
             receiver = row.name("receiver") if row.field["receiver"].strip() else None
-            placed = bool(row.field["x"].strip() or row.field["y"].strip())
-            if receiver is None and not placed:
-                raise ValueError(f"{row.where}: tag {tag!r} needs the receiver it hangs by, or its place x,y")
-            position = np.array([row.number("x"), row.number("y")]) if placed else None
+            position = None
+            if axes and _any_filled(row, axes):
+                position = _lay(_coordinates(row, axes)[None], plane, row.where)[0]
+            elif _any_filled(row, unfit):
+                raise ValueError(f"{row.where}: {_misfit(unfit)}")
             tags[tag] = SyncTag(tag=tag, receiver=receiver, position=position)
     if not tags:
         raise ValueError(f"{path} holds no sync tags; give one row for each")
     return list(tags.values())
 
 
-def read_reference(path: str | Path) -> Reference:
+def read_reference(path: str | Path, plane: Plane | None = None) -> Reference:
     """True positions: a csv with columns ``tag,x,y`` [m] of tags that stay, or ``t_unix_s,x,y`` of a moving one.
 
+    Or with ``lon,lat`` or ``longitude,latitude`` [degrees, WGS84] in place of x and y.
+
+    Args:
+        plane: of the receivers, if theirs is in degrees; the reference must then be in degrees too, and otherwise in metres.
     Raises:
         ValueError: for missing columns, no rows, a tag given twice, times that do not rise, values that are no finite
-            numbers; names file and line.
+            numbers, degrees there are none of, other units than the receivers' or places too far from them; names file and line.
+        ImportError: for longitude and latitude without pymap3d.
         FileNotFoundError: where there is no such file.
     """
     places: dict[str, Floats] = {}
+    tracks: tuple[Track, ...] = ()
     with open_csv(path, "reference", REFERENCE_COLUMNS) as table:
         moving = "t_unix_s" in table.columns
-        if moving:
-            table.place(("t_unix_s", "x", "y"))
+        _require_places(table, ("t_unix_s" if moving else "tag", *METRES))
+        axes, unfit = _axes(table, plane)
+        if axes is None:
+            raise ValueError(f"{path}: line 1: {_misfit(unfit)}")
         if moving and "tag" in table.columns:
             raise ValueError(f"{path}: line 1 names both tag and t_unix_s; give the track of one tag, without its name")
-        if not moving:
-            for row in table.rows(REFERENCE_COLUMNS):
-                places[_new_name(row, "tag", places)] = np.array([row.number("x"), row.number("y")])
-    if moving:
-        (track,) = read_tracks(path).of.values()
-        return Reference(track=track)
-    if not places:
-        raise ValueError(f"{path} holds no positions; give one row for each tag")
-    return Reference(places=places)
+        if moving:
+            tracks = collect_tracks(table, axes)
+        else:
+            for row in table.rows(("tag", *axes)):
+                places[_new_name(row, "tag", places)] = _lay(_coordinates(row, axes)[None], plane, row.where)[0]
+    if not (places or tracks):
+        raise ValueError(f"{path} holds no positions; give one row for each {'time' if moving else 'tag'}")
+    track = next((Track(time=each.time, position=_lay(each.position, plane, path)) for each in tracks), None)
+    return Reference(places=places, track=track)
+
+
+def read_own_tags(path: str | Path) -> dict[str, tuple[str, ...]]:
+    """The tags beside each receiver: ``tag,receiver`` of a csv of sync tags, whose places, if any, are not looked at.
+
+    Raises:
+        ValueError: for missing columns, no rows, a tag that is empty or given twice; names file and line.
+        FileNotFoundError: where there is no such file.
+    """
+    beside: dict[str, str] = {}
+    with open_csv(path, "sync tag", OWN_TAG_COLUMNS) as table:
+        for row in table.rows(OWN_TAG_COLUMNS):
+            beside[_new_name(row, "tag", beside)] = row.name("receiver") if row.field["receiver"].strip() else ""
+    if not beside:
+        raise ValueError(f"{path} holds no sync tags; give one row for each")
+    receivers = dict.fromkeys(receiver for receiver in beside.values() if receiver)
+    return {receiver: tuple(tag for tag, host in beside.items() if host == receiver) for receiver in receivers}
+
+
+def _require_places(table: CsvTable, needed: Sequence[str]) -> None:
+    """Raise ValueError that lists the columns ``needed`` if a table has neither metres nor degrees."""
+    if not set(METRES) <= set(table.columns) and degree_columns(table.columns) is None:
+        columns = f"{','.join(needed)}, got {table.header}; rename or add them (degrees: lon,lat for x,y)"
+        raise ValueError(f"{table.path}: line 1 must name the columns {columns}")
+
+
+def _axes(table: CsvTable, plane: Plane | None) -> tuple[Pair | None, Pair | None]:
+    """Columns of places in the units of the receivers, and columns in the other units; None where not named."""
+    metres, degrees = METRES if set(METRES) <= set(table.columns) else None, degree_columns(table.columns)
+    return (metres, degrees) if plane is None else (degrees, metres)
+
+
+def _misfit(unfit: Pair | None) -> str:
+    """Why places in these columns do not go with the receivers'."""
+    if unfit == METRES:
+        return "x,y have another origin than receivers in longitude and latitude; give lon,lat here too, or receivers in x,y"
+    return f"{','.join(unfit or ())} take receivers in degrees too: a file with columns receiver,lon,lat, and without x,y"
+
+
+def _any_filled(row: Row, columns: Pair | None) -> bool:
+    return any(row.field[column].strip() for column in columns or ())
+
+
+def _coordinates(row: Row, axes: Pair) -> Floats:
+    """The two numbers (2,) of a row, in degrees if that is what the columns hold."""
+    place = np.array([row.number(axes[0]), row.number(axes[1])])
+    if axes != METRES:
+        with _named(row.where):
+            check_geodetic(place[None])
+    return place
+
+
+def _lay(position: Floats, plane: Plane | None, where: str | Path) -> Floats:
+    """Degrees (K, 2) in the plane [m]; without one they are metres as they stand."""
+    with _named(where):
+        return position if plane is None else plane.to_plane(position)
+
+
+@contextmanager
+def _named(where: str | Path) -> Iterator[None]:
+    """What is wrong inside is said to be wrong there."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
 
 
 def _new_name(row: Row, column: str, known: dict) -> str:

@@ -14,12 +14,14 @@ REACH = 100e3  # m from the origin: there distances away from it come out short 
 GEODETIC_COLUMNS = (("lon", "lat"), ("longitude", "latitude"))
 
 
+def degree_columns(columns: Sequence[str]) -> tuple[str, str] | None:
+    """Which columns of a file tell longitude and latitude [degrees], if any do."""
+    return next((pair for pair in GEODETIC_COLUMNS if set(pair) <= set(columns)), None)
+
+
 def position_columns(columns: Sequence[str]) -> tuple[str, str]:
     """Which columns of a file tell the position: ``x,y``, or else degrees of longitude and latitude."""
-    for pair in GEODETIC_COLUMNS:
-        if set(pair) <= set(columns) and not {"x", "y"} <= set(columns):
-            return pair
-    return "x", "y"
+    return ("x", "y") if {"x", "y"} <= set(columns) else degree_columns(columns) or ("x", "y")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,15 +32,20 @@ class Plane:
     latitude: float
 
     def __post_init__(self) -> None:
-        _check(np.array([[self.longitude, self.latitude]]))
+        check_geodetic(np.array([[self.longitude, self.latitude]]))
 
     @classmethod
     def amid(cls, geodetic: Floats) -> Plane:
         """With the mean of longitudes and latitudes (K, 2) [degrees] as its origin, across the date line too."""
-        _check(geodetic)
+        check_geodetic(geodetic)
         first = geodetic[0, 0]
         longitude = first + np.mean((geodetic[:, 0] - first + 180.0) % 360.0 - 180.0)
         return cls(longitude=float((longitude + 180.0) % 360.0 - 180.0), latitude=float(np.mean(geodetic[:, 1])))
+
+    @property
+    def origin(self) -> dict[str, float]:
+        """As documents of results tell it [degrees, WGS84]."""
+        return {"lon": self.longitude, "lat": self.latitude}
 
     def to_plane(self, geodetic: Floats) -> Floats:
         """East and north (K, 2) [m] of longitudes and latitudes (K, 2) [degrees] on the ellipsoid.
@@ -47,7 +54,7 @@ class Plane:
             ValueError: for degrees there are none of, or a place beyond ``REACH``.
             ImportError: without pymap3d.
         """
-        _check(geodetic)
+        check_geodetic(geodetic)
         east, north, up = _pymap3d().geodetic2enu(geodetic[:, 1], geodetic[:, 0], 0.0, self.latitude, self.longitude, 0.0)
         distance = np.sqrt(east**2 + north**2 + up**2)
         if (distance > REACH).any():
@@ -80,7 +87,8 @@ class Plane:
         return np.stack([longitude, latitude], axis=1)
 
 
-def _check(geodetic: Floats) -> None:
+def check_geodetic(geodetic: Floats) -> None:
+    """Raise ValueError for longitudes and latitudes (K, 2) [degrees] there are none of."""
     bad = ~((np.abs(geodetic[:, 0]) <= 360.0) & (np.abs(geodetic[:, 1]) <= 90.0))
     if bad.any():
         longitude, latitude = geodetic[int(np.argmax(bad))]

@@ -122,6 +122,18 @@ def test_a_tag_at_a_known_place_serves_like_one_beside_a_receiver():
     np.testing.assert_allclose(found.residual, beside.residual, atol=1e-9)
 
 
+def test_a_tag_in_an_unknown_place_tells_of_drift_where_the_others_are_silent():
+    # Tags 0 to 2 fall silent after 40 % of the day; a cubic carried on from there is milliseconds off at its end.
+    record = deploy(tags=(0, 1, 2, 3))
+    kept = (record.detections.tag == 3) | (record.true < START + 0.4 * DAY)
+    heard = record.detections.take(np.flatnonzero(kept))
+    anywhere = SyncTag(tag="T3", receiver=None, position=None)
+    found = synchronize(heard, [*OWN_TAGS, anywhere], SITES, reference="R0")
+    assert np.abs(clock_errors(found, ahead)).max() < 0.6e-3  # half the receptions of a full day: 1.5 times its bound above
+    without = synchronize(heard, OWN_TAGS, SITES, reference="R0")
+    assert np.abs(clock_errors(without, ahead)).max() > 3e-3
+
+
 def test_late_arrivals_are_found_counted_and_do_no_harm():
     found = synchronize(deploy(late=0.05).detections, OWN_TAGS, SITES, reference="R0")
     assert np.abs(clock_errors(found, ahead)).max() < 0.5e-3

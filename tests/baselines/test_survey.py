@@ -1,5 +1,7 @@
 """Distances from two-way times, and places from distances."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -106,6 +108,16 @@ def test_free_placing_puts_the_first_at_the_origin_and_the_second_east():
 
 def test_two_reference_points_do_not_mirror():
     assert np.linalg.det(place_on([[0, 0], [1, 0]], [[5, 5], [5, 6]]).rotation) == pytest.approx(1.0)
+
+
+def test_a_receiver_with_two_tags_is_measured_by_the_pings_of_both():
+    once = record(sigma=1e-3)
+    later = (once.tag == 0) & (once.time > 120_000.0)  # half of its 400 pings, some 600 s apart, by another tag
+    twice = replace(once, tag=np.where(later, 4, once.tag).astype(np.int32), tags=(*once.tags, "T0-new"))
+    both = survey_distances(twice, {**OWN_TAGS, "R0": ("T0", "T0-new")}, 1512.0)
+    for line, same in zip(both, survey_distances(once, OWN_TAGS, 1512.0), strict=True):
+        assert line.there == same.there and line.back == same.back
+    assert survey_distances(twice, OWN_TAGS, 1512.0)[0].there.pings == pytest.approx(200, abs=10)
 
 
 def test_mistakes_are_named():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy, weight_shapes
 
 STEPS, PARTICLES = 40, 60
+LONGITUDE, LATITUDE = -80.9, 25.1  # of the origin of places in metres
 SHORT = ("--set", f"episode_steps={STEPS}", "--particles", str(PARTICLES), "--episodes", "6")
 
 
@@ -57,3 +59,17 @@ def save_run() -> Callable[..., Path]:
         return folder
 
     return save
+
+
+@pytest.fixture
+def as_degrees() -> Callable[[np.ndarray], np.ndarray]:
+    """Longitude and latitude (K, 2) of places (K, 2) [m] by the radii of the ellipsoid; a millimetre off at 150 m."""
+    pytest.importorskip("pymap3d", reason='longitude and latitude need pymap3d: pip install "tagtrack[geo]"')
+    axis, square = 6378137.0, 1 / 298.257223563 * (2 - 1 / 298.257223563)  # WGS84; squared eccentricity
+    bend = 1 - square * math.sin(math.radians(LATITUDE)) ** 2
+    east, north = axis / math.sqrt(bend) * math.cos(math.radians(LATITUDE)), axis * (1 - square) / bend**1.5
+
+    def convert(position: np.ndarray) -> np.ndarray:
+        return np.array([LONGITUDE, LATITUDE]) + np.degrees(np.asarray(position) / np.array([east, north]))
+
+    return convert

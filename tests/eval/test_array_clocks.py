@@ -79,6 +79,45 @@ def test_survey_places_receivers_by_what_sync_corrected_without_places(evaluate)
     assert open("out/map.png", "rb").read(4) == b"\x89PNG"
 
 
+def test_clocks_and_places_in_degrees_are_those_of_metres(evaluate, as_degrees):
+    degrees = as_degrees(PLACES).tolist()
+    write("degrees.csv", "receiver,lon,lat", [(f"R{index}", *place) for index, place in enumerate(degrees)])
+    for name, pair, places in (("metres", "x,y", PLACES), ("degrees", "lon,lat", degrees)):
+        write(f"tags-{name}.csv", f"tag,receiver,{pair}", [(f"T{index}", "", *place) for index, place in enumerate(places)])
+    assert evaluate(*SYNC[:4], "--sync-tags", "tags-metres.csv", "--receivers", "places.csv", "--out", "in-metres")[0] == 0
+    assert evaluate(*SYNC[:4], "--sync-tags", "tags-degrees.csv", "--receivers", "degrees.csv", "--out", "synced")[0] == 0
+    corrected = read_detections(["synced/detections.csv.gz"]), read_detections(["in-metres/detections.csv.gz"])
+    np.testing.assert_allclose(corrected[0].time, corrected[1].time, rtol=0, atol=3e-6)  # 3 mm of places are 2 us
+    survey = ("array", "survey", "--detections", "synced/detections.csv.gz", "--sync-tags", "tags.csv", "--out", "out")
+    status, out, err = evaluate(*survey, "--reference", "degrees.csv")
+    assert (status, err) == (0, "") and "metres east and north of lon -80.8992" in " ".join(out.split())
+    rows = list(csv.DictReader(open("out/receivers.csv")))
+    assert list(rows[0]) == ["receiver", "x", "y", "sd_x", "sd_y", "lon", "lat"]
+    found = [(float(row["lon"]), float(row["lat"])) for row in rows]
+    np.testing.assert_allclose(found, degrees, atol=1e-6)  # 0.1 m, as in metres
+    middle = np.mean(degrees, axis=0)
+    assert json.loads(open("out/survey.json").read())["origin"] == pytest.approx({"lon": middle[0], "lat": middle[1]}, abs=1e-9)
+    position = [(float(row["x"]), float(row["y"])) for row in rows]
+    np.testing.assert_allclose(position, PLACES - PLACES.mean(axis=0), atol=0.1)
+
+
+def test_survey_uses_all_sync_tags_beside_a_receiver(evaluate):
+    assert evaluate(*SYNC, "--receivers", "places.csv", "--out", "synced")[0] == 0
+    with gzip.open("synced/detections.csv.gz", "rt") as file:
+        header, *rows = file.read().splitlines()
+    half = START + 6 * 3600.0  # from then on a new tag hangs by R2
+    rows = [row.replace(",T2", ",T2-new") if float(row.partition(",")[0]) > half else row for row in rows]
+    with open("changed.csv", "w") as file:
+        file.write("\n".join([header, *rows, ""]))
+    write("tags.csv", "tag,receiver", [(f"T{index}", f"R{index}") for index in range(4)] + [("T2-new", "R2")])
+    pings = {}
+    for name in ("synced/detections.csv.gz", "changed.csv"):
+        assert evaluate("array", "survey", "--detections", name, "--sync-tags", "tags.csv", "--out", "out")[0] == 0
+        rows = csv.DictReader(open("out/distances.csv"))
+        pings[name] = {(row["first"], row["second"]): (row["there_pings"], row["back_pings"]) for row in rows}
+    assert pings["changed.csv"] == pings["synced/detections.csv.gz"] and pings["changed.csv"]["R1", "R2"] == ("140", "140")
+
+
 def test_survey_without_references_puts_the_first_receiver_at_the_origin(evaluate):
     evaluate(*SYNC, "--receivers", "places.csv", "--out", "synced")
     status, _, _ = evaluate(
