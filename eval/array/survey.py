@@ -25,8 +25,7 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.telemetry import Plane, read_own_tags
 from tagtrack.eval.versions import collect_versions
 
-RECEIVER = ("receiver", "x", "y", "sd_x", "sd_y")  # columns of receivers.csv
-DEGREES = ("lon", "lat")  # where the reference places are in degrees
+PLANE, DEGREES = ("x", "y"), ("lon", "lat")  # columns of places: degrees where those of the reference are
 OWN_FILES = ("distances.csv", "receivers.csv", "survey.json", "map.png")
 
 
@@ -36,7 +35,7 @@ class Survey:
 
     Takes detections on corrected clocks (of `array sync`), of receivers that log the pings of the tags beside them. Writes
     distances.csv, receivers.csv (as other commands take it), survey.json and map.png. With --reference in degrees
-    receivers.csv has lon,lat too; other commands take its x,y, unless you remove these columns.
+    receivers.csv is in degrees, too.
     """
 
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
@@ -81,7 +80,7 @@ class Survey:
         print_survey(document, plane)
         with replace_results(self.out, OWN_FILES) as folder:
             write_text(folder / "distances.csv", as_csv(document["distances"]))
-            columns = (*RECEIVER, *(DEGREES if plane else ()))
+            columns = ("receiver", *(DEGREES if plane else PLANE), "sd_x", "sd_y")
             write_text(folder / "receivers.csv", as_csv([{key: row[key] for key in columns} for row in document["receivers"]]))
             write_json(folder / "survey.json", document)
             save_figure(folder / "map.png", plot_map(document))
