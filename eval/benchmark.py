@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from tagtrack.eval.comparison import Comparison, compare, typical_episodes
-from tagtrack.eval.contestants import find_makers, name_contestants
+from tagtrack.eval.contestants import find_makers, is_run, name_contestants
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
@@ -41,6 +41,8 @@ class Benchmark:
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
     from_step: int = 0
     """First step of each episode that counts: 100 leaves out how the fish was found."""
+    together: bool = False
+    """One more row for all training runs taken together: a single seed is no result."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None
     """Folder to write; an earlier benchmark's is replaced."""
 
@@ -51,6 +53,9 @@ class Benchmark:
         if not 0 <= self.from_step < task.scenario.episode_steps:
             raise ValueError(f"--from-step must be from 0 to {task.scenario.episode_steps - 1}, got {self.from_step}")
         specs = name_contestants(self.policies)
+        runs = [name for name, spec in specs.items() if is_run(spec)] if self.together else []
+        if self.together and len(runs) < 2:
+            raise ValueError(f"--together takes at least two training runs among --policies, got {len(runs)}")
         makers = find_makers(specs, task, env_id)
         out = self.out or default_folder("benchmark", env_id)
         require_replaceable(out, OWN_FILES, "benchmark")
@@ -62,6 +67,7 @@ class Benchmark:
                 seed=trial.seed,
                 threads=trial.threads,
                 from_step=self.from_step,
+                together=runs,
                 env_id=env_id,
                 on_step=advance,
             )
@@ -73,6 +79,7 @@ class Benchmark:
             "episodes": trial.episodes,
             "seed": trial.seed,
             "from_step": self.from_step,
+            "together": runs,
         }
         with replace_results(out, OWN_FILES) as folder:
             write_benchmark(folder, comparison.document(collect_versions()))

@@ -11,7 +11,7 @@ import numpy as np
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_contestants
-from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, ratios_to_first, summarize
+from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, pool, ratios_to_first, summarize
 from tagtrack.eval.options import full_id
 from tagtrack.eval.report import Document, benchmark_document
 from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out
@@ -66,6 +66,7 @@ def compare(
     threads: int = 1,
     batch: int = 128,
     from_step: int = 0,
+    together: Sequence[str] = (),
     perimeter: float | None = None,
     bootstrap: Bootstrap | None = None,
     env_id: str = "custom",
@@ -84,6 +85,8 @@ def compare(
         episodes: E. seed: of the first episode within its ``block``. threads, batch: change the speed, not the results.
         particles: of the belief, instead of the task's.
         from_step: what comes before it is left out of all figures.
+        together: names of policies, as of one training's seeds, that get one more row as one: each episode counts with the steps
+            of all of them. It is called "5 runs", if there are five.
         perimeter: for ``inside_perimeter`` [m]; None: the scenario's, if it has one.
         env_id: what a ``Task`` is called in the result.
         on_step: called with the policy's name and the number of env steps just done, for progress bars.
@@ -102,6 +105,8 @@ def compare(
             task, maker, episodes=episodes, seed=block_seed(block, seed), threads=threads, batch=batch, on_step=tell
         )
         records[name] = whole.from_step(from_step)
+    if together:
+        records[f"{len(together)} runs"] = pool([records[name] for name in together])
     if perimeter is None:
         perimeter = task.scenario.reward.perimeter or math.nan
     return Comparison(

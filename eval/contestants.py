@@ -33,7 +33,7 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
         raise ValueError(f"name at least one policy: {_choices()}")
     named: dict[str, str] = {}
     for spec in specs:
-        name = spec if _is_baseline(spec) or is_static_array(spec) else Path(spec).resolve().name
+        name = Path(spec).resolve().name if is_run(spec) else spec
         if name in named:
             raise ValueError(
                 f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
@@ -91,6 +91,11 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
         action_names=action_names(scenario.speed_control),
         env_id=env_id,
     )
+
+
+def is_run(spec: str) -> bool:
+    """Whether a spec names the folder of a saved policy: it is nothing else."""
+    return not (_is_baseline(spec) or is_static_array(spec))
 
 
 def _is_baseline(spec: str) -> bool:

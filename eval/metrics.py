@@ -61,6 +61,15 @@ class EpisodeRecord:
         )
 
 
+def pool(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
+    """Several policies in the same episodes as one record of E episodes with all their steps: each weighs the same."""
+    ranges = [record.range for record in records if record.range is not None]
+    return EpisodeRecord(
+        error=np.concatenate([record.error for record in records], axis=1),
+        range=np.concatenate(ranges, axis=1) if len(ranges) == len(records) else None,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Interval:
     """A figure and its bootstrap interval; NaN where it is not defined."""

@@ -33,7 +33,8 @@ def read_json(path):
 
 def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     save_run(tmp_path / "my_run")
-    arguments = ("--policies", "three_step", "circle:40", "my_run", "--out", "out", "--seed", "5")
+    save_run(tmp_path / "my_other_run")
+    arguments = ("--policies", "three_step", "circle:40", "my_run", "my_other_run", "--together", "--out", "out", "--seed", "5")
     done = run_eval("benchmark", "--env", "LeopardShark-v0", *SHORT, *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "three_step" in done.stdout
@@ -49,12 +50,12 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     assert result["env"] == "TagTrack/LeopardShark-v0"
     assert (result["episodes"], result["seed"], result["particles"]) == (6, 5, PARTICLES)
     assert {"tagtrack", "commit", "python", "numpy", "numba"} <= set(result["versions"])
-    assert list(result["policies"]) == ["three_step", "circle:40", "my_run"]
+    assert list(result["policies"]) == ["three_step", "circle:40", "my_run", "my_other_run", "2 runs"]
     for figures in result["policies"].values():
         assert list(figures) == FIGURES
         assert all(list(figure) == ["value", "low", "high"] for figure in figures.values())
         assert figures["inside_perimeter"]["value"] is None  # LeopardShark has no perimeter
-    assert list(result["ratios"]) == ["three_step/circle:40", "three_step/my_run"]
+    assert list(result["ratios"]) == [f"three_step/{name}" for name in ("circle:40", "my_run", "my_other_run", "2 runs")]
     asked = read_json(out / "config.json")
     assert asked["policies"]["my_run"] == "my_run"
     assert asked["overrides"] == {"episode_steps": "40"}

@@ -42,6 +42,16 @@ def test_steps_before_the_first_that_counts_are_in_no_figure(task):
     assert "from step" not in caption(whole.document({}))
 
 
+def test_runs_taken_together_weigh_the_same_in_each_episode(task):
+    seeds = {"seed0": "circle:20", "seed1": "circle:60"}
+    comparison = compare(task, {"pursuit": "pursuit", **seeds}, episodes=5, together=list(seeds))
+    each, both = comparison.mean_errors(), comparison.mean_errors()["2 runs"]
+    np.testing.assert_allclose(both, (each["seed0"] + each["seed1"]) / 2)
+    assert comparison.ratios["pursuit/2 runs"].value == pytest.approx(each["pursuit"].mean() / both.mean())
+    ranges = [comparison.summaries[name]["mean_range_m"].value for name in (*seeds, "2 runs")]
+    assert ranges[2] == pytest.approx((ranges[0] + ranges[1]) / 2)
+
+
 def test_an_id_a_policy_and_a_maker_will_do_too(task, save_run, tmp_path):
     given = {
         "spec": "pursuit",
