@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tagtrack.eval.comparison import Comparison, compare
-    from tagtrack.eval.metrics import Bootstrap, EpisodeRecord, Interval, paired_ratio, summarize
+    from tagtrack.eval.episode_record import EpisodeRecord
+    from tagtrack.eval.metrics import Bootstrap, Interval, paired_ratio, summarize
     from tagtrack.eval.rollout import SeedBlock, Trace, block_seed, roll_out, trace
     from tagtrack.eval.versions import collect_versions
 
 _HOMES = {
     "comparison": ("Comparison", "compare"),
-    "metrics": ("Bootstrap", "EpisodeRecord", "Interval", "paired_ratio", "summarize"),
+    "episode_record": ("EpisodeRecord",),
+    "metrics": ("Bootstrap", "Interval", "paired_ratio", "summarize"),
     "rollout": ("SeedBlock", "Trace", "block_seed", "roll_out", "trace"),
     "versions": ("collect_versions",),
 }

@@ -1,6 +1,6 @@
-"""How far off a belief was, episode by episode, and how sure that figure is.
+"""How far off a belief was, and how sure that figure is, from the episodes of ``EpisodeRecord``.
 
-A record holds the arrays of one policy over E episodes of K steps. Every figure carries a percentile bootstrap interval
+Every figure carries a percentile bootstrap interval
 in which whole episodes are drawn anew: the steps of one episode depend on each other, the episodes do not. Policies
 that met the same fish (paired episodes) are compared by a ratio drawn in pairs.
 """
@@ -14,60 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from tagtrack.eval.episode_record import EpisodeRecord, Floats
 
 # Range of the receiver (Clark et al. 2013, 4.1): a belief that is further off than this tells nobody where to listen.
 LOST_ERROR = 100.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class EpisodeRecord:
-    """What one policy did: E episodes of K steps.
-
-    A step without truth, for instance after an episode's end, is NaN in both arrays and counts nowhere. An error that
-    is NaN where the range is known is refused: it would be a broken belief, left out of its own reckoning. Arrays of
-    the wrong shape, negative or infinite values and an episode without any step raise ValueError too.
-    """
-
-    error: Floats  # (E, K) [m] distance from the belief's estimate to the fish
-    range: Floats | None = None  # (E, K) [m] true distance from the vehicle to the fish
-    reward: Floats | None = None  # (E, K) of each step
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "error", _checked("error", self.error))
-        if self.range is not None:
-            distance = _checked("range", self.range)
-            if distance.shape != self.error.shape:
-                raise ValueError(f"range has shape {distance.shape}, error has {self.error.shape}")
-            broken = np.argwhere(np.isnan(self.error) != np.isnan(distance))
-            if broken.size:
-                episode, step = broken[0]
-                raise ValueError(
-                    f"error and range must be known at the same steps: episode {episode}, step {step} has one"
-                )
-            object.__setattr__(self, "range", distance)
-
-    @property
-    def episodes(self) -> int:
-        """Number of episodes, E."""
-        return self.error.shape[0]
-
-    def from_step(self, step: int) -> EpisodeRecord:
-        """The same episodes without what came before a step."""
-        return EpisodeRecord(
-            error=self.error[:, step:],
-            range=None if self.range is None else self.range[:, step:],
-            reward=None if self.reward is None else self.reward[:, step:],
-        )
-
-
-def pool(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
-    """Several policies in the same episodes as one record of E episodes with all their steps: each weighs the same."""
-    ranges = [record.range for record in records if record.range is not None]
-    return EpisodeRecord(
-        error=np.concatenate([record.error for record in records], axis=1),
-        range=np.concatenate(ranges, axis=1) if len(ranges) == len(records) else None,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,15 +204,3 @@ def _share_of_steps(flag: NDArray[np.bool_], error: Floats) -> Floats:
 
 def _unless_single(episodes: int, figure: Interval) -> Interval:
     return figure if episodes > 1 else Interval(value=figure.value, low=math.nan, high=math.nan)
-
-
-def _checked(name: str, values: ArrayLike) -> Floats:
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 2 or array.size == 0:
-        raise ValueError(f"{name} must have the shape (episodes, steps), got {array.shape}")
-    if np.isinf(array).any() or (array < 0).any():
-        raise ValueError(f"{name} must be distances, got {array[np.isinf(array) | (array < 0)][0]} m")
-    empty = np.flatnonzero(np.isnan(array).all(axis=1))
-    if empty.size:
-        raise ValueError(f"{name} of episode {empty[0]} has no step")
-    return array

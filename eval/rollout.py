@@ -15,7 +15,7 @@ import numpy as np
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
-from tagtrack.eval.metrics import EpisodeRecord
+from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.policies.protocol import Policy
 
 PolicyMaker = Callable[[Simulation], Policy]

@@ -15,7 +15,7 @@ import numpy as np
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.registry import locate
 from tagtrack.envs.task import Task
-from tagtrack.eval.metrics import EpisodeRecord
+from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.rollout import Trace, watch_fish
 
 NAME = "static_array"

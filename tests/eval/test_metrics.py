@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.metrics import (
     Bootstrap,
-    EpisodeRecord,
     Interval,
     interquartile_mean,
     paired_ratio,

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from tagtrack.eval.metrics import EpisodeRecord, Interval, ratios_to_first, summarize
+from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.metrics import Interval, ratios_to_first, summarize
 from tagtrack.eval.report import benchmark_document, console_table, markdown_table, table_rows, write_benchmark
 
 
