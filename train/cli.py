@@ -11,7 +11,7 @@ from typing import Any
 
 import tyro
 
-from tagtrack.train.config import Settings, TrainConfig, find_settings, from_json, qualified_id, to_json
+from tagtrack.train.config import TrainConfig, find_settings, from_json, qualified_id, to_json
 
 WITH_RESUME = ("resume", "steps", "threads", "device")  # flags that a resumed run heeds; the rest is in its config.json
 
@@ -77,16 +77,6 @@ def build_task_of(config: TrainConfig) -> Any:
     )
 
 
-def training_overrides(config: TrainConfig, settings: Settings) -> dict[str, str]:
-    """Parameters of the scenario in training: the settings' harder ones, but of parts that the command line leaves alone."""
-    from tagtrack.envs.task import parse_overrides
-
-    told = parse_overrides(config.set, config.motion)
-    parts = {name.partition(".")[0] for name in told}
-    harder = parse_overrides(settings.harder)
-    return {**{name: value for name, value in harder.items() if name.partition(".")[0] not in parts}, **told}
-
-
 def check_device(device: str) -> None:
     """Raise ValueError where torch has no such device."""
     import torch
@@ -103,6 +93,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
     import torch
 
     from tagtrack.envs.overrides import describe_scenario
+    from tagtrack.envs.task import parse_overrides
     from tagtrack.eval.rollout import SeedBlock, block_seed
     from tagtrack.eval.versions import collect_versions
     from tagtrack.train.learning import Training, build_model, learn, load_model, make_logger
@@ -121,7 +112,7 @@ def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,
-        overrides=training_overrides(config, settings),
+        overrides=parse_overrides(config.set, config.motion),
     )
     if resume:
         model = load_model(settings, path, env, config.device)

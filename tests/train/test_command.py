@@ -17,7 +17,6 @@ import pytest
 
 from tagtrack.envs.presets import PRESETS
 from tagtrack.policies.files import load_policy
-from tagtrack.train.cli import training_overrides
 from tagtrack.train.config import SETTINGS, TrainConfig, find_settings
 
 SMALL = ["--num-envs", "8", "--particles", "32", "--validation-episodes", "2", "--set", "episode_steps=12"]
@@ -156,18 +155,6 @@ def test_a_preset_has_hyper_parameters_of_its_own_and_the_command_line_goes_befo
     assert find_settings(named) == SETTINGS["masmitja2023", "ppo"] != find_settings(TrainConfig(env="RangeOnly-v0"))
     assert find_settings(replace(named, hyper=("gamma=0.9",), steps=7)) == replace(find_settings(named), gamma=0.9, steps=7)
     assert {preset for presets in PRESETS.values() for preset in presets} <= {name for name, _ in SETTINGS}
-
-
-def test_training_may_be_harder_than_the_task_but_for_what_the_command_line_says():
-    plain = TrainConfig(env="AreaOnlyUnknownRange-v0")
-    harder = {"receiver.max_range": "225", "receiver.max_range_spread": "75"}
-    assert training_overrides(plain, find_settings(plain)) == harder
-    told = replace(plain, set=("start.farthest=200",))
-    assert training_overrides(told, find_settings(told)) == {**harder, "start.farthest": "200"}
-    told = replace(plain, set=("receiver=measured",))
-    assert training_overrides(told, find_settings(told)) == {"receiver": "measured"}
-    usual = TrainConfig(motion="levy")
-    assert training_overrides(usual, find_settings(usual)) == {"fish": "levy"}
 
 
 def test_an_unknown_algorithm_lists_those_that_exist(tmp_path):
