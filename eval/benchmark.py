@@ -68,7 +68,7 @@ class Benchmark:
                 threads=trial.threads,
                 from_step=self.from_step,
                 together=runs,
-                env_id=env_id,
+                env_id=f"{env_id} ({self.task.preset})" if self.task.preset else env_id,
                 on_step=advance,
             )
         print_table(comparison)  # before it is written: a full disk must not cost the result

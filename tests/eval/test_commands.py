@@ -61,6 +61,13 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     assert asked["overrides"] == {"episode_steps": "40"}
 
 
+def test_table_and_json_name_the_preset(evaluate, tmp_path):
+    command = ("benchmark", "--env", "RangeOnly-v0", "--preset", "masmitja2023", *SHORT, "--policies", "pursuit")
+    status, out, _ = evaluate(*command, "--out", tmp_path / "out")
+    assert status == 0 and "RangeOnly-v0 (masmitja2023)" in " ".join(out.split())
+    assert read_json(tmp_path / "out/benchmark.json")["env"] == "TagTrack/RangeOnly-v0 (masmitja2023)"
+
+
 def test_benchmark_again_replaces_the_earlier_one_and_gives_the_same(evaluate, tmp_path):
     command = ("benchmark", *SHORT, "--out", tmp_path / "out", "--policies", "pursuit", "stationary")
     assert evaluate(*command, "--episodes", "8")[0] == 0
