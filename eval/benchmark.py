@@ -50,8 +50,6 @@ class Benchmark:
         """Run it."""
         self.trial.check()
         task, trial, env_id = self.task.build(), self.trial, self.task.env_id
-        if not 0 <= self.from_step < task.scenario.episode_steps:
-            raise ValueError(f"--from-step must be from 0 to {task.scenario.episode_steps - 1}, got {self.from_step}")
         specs = name_contestants(self.policies)
         runs = [name for name, spec in specs.items() if is_run(spec)] if self.together else []
         if self.together and len(runs) < 2:

@@ -28,6 +28,7 @@ class Comparison:
     task: Task
     seed: int
     from_step: int  # first of an episode that counts
+    together: tuple[str, ...]  # names of policies that have one more row as one
     records: Mapping[str, EpisodeRecord]  # error and range, each (E, K) [m], from that step on
     summaries: Mapping[str, Mapping[str, Interval]]  # figures of ``metrics.summarize``
     ratios: Mapping[str, Interval]  # keyed FIRST/NAME: above 1, NAME is better
@@ -48,6 +49,7 @@ class Comparison:
             episodes=self.episodes,
             seed=self.seed,
             from_step=self.from_step,
+            together=self.together,
             particles=self.task.scenario.belief.particles,
             tracks=self.task.describe_tracks(),
             versions=versions,
@@ -92,12 +94,20 @@ def compare(
         env_id: what a ``Task`` is called in the result.
         on_step: called with the policy's name and the number of env steps just done, for progress bars.
     Raises:
+        ValueError: for a ``from_step`` outside the episode or names ``together`` that no policy, or one too many, goes by.
         ValueError, FileNotFoundError: as ``find_makers`` does.
     """
     task, env_id = (build_task(env), full_id(env)) if isinstance(env, str) else (env, env_id)
     if particles is not None:
         task = task._replace(scenario=with_overrides(task.scenario, {"belief.particles": particles}))
     named = policies if policies and isinstance(policies, Mapping) else name_contestants(list(policies))
+    if not 0 <= from_step < task.scenario.episode_steps:
+        raise ValueError(f"from_step must be from 0 to {task.scenario.episode_steps - 1}, got {from_step}")
+    if strange := [name for name in together if name not in named]:
+        raise ValueError(f"{strange[0]!r} cannot be taken together with others: the policies are {', '.join(named)}")
+    as_one = f"{len(together)} runs"
+    if together and as_one in named:
+        raise ValueError(f"a policy goes by the name of the row of all together, {as_one!r}; rename its folder")
     makers = find_makers(named, task, env_id)
     records = {}
     for name, maker in makers.items():
@@ -107,7 +117,7 @@ def compare(
         )
         records[name] = whole.from_step(from_step)
     if together:
-        records[f"{len(together)} runs"] = pool([records[name] for name in together])
+        records[as_one] = pool([records[name] for name in together])
     if perimeter is None:
         perimeter = task.scenario.reward.perimeter or math.nan
     return Comparison(
@@ -115,6 +125,7 @@ def compare(
         task=task,
         seed=seed,
         from_step=from_step,
+        together=tuple(together),
         records=records,
         summaries={
             name: summarize(record, perimeter=perimeter, lost_error=task.scenario.lost_error, bootstrap=bootstrap)

@@ -29,6 +29,7 @@ def benchmark_document(
     episodes: int,
     seed: int,
     from_step: int = 0,
+    together: Sequence[str] = (),
     particles: int,
     tracks: Mapping[str, Any] | None = None,
     versions: Mapping[str, str],
@@ -47,6 +48,7 @@ def benchmark_document(
         "episodes": episodes,
         "seed": seed,
         "from_step": from_step,
+        "together": list(together),
         "particles": particles,
         "tracks": None if tracks is None else dict(tracks),
         "versions": dict(versions),
@@ -99,6 +101,8 @@ def caption(document: Document) -> str:
     if document["ratios"]:
         first = next(iter(document["policies"]))
         text += f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better."
+    if together := document.get("together"):
+        text += f" {len(together)} runs: {', '.join(together)} taken together, each episode with the steps of all."
     if any(is_static_array(policy) for policy in document["policies"]):
         text += (
             f" {NAME} is no policy: four moored receivers about the origin (a square of 200 m, or of the side named) that hear "

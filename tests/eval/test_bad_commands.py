@@ -45,7 +45,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--policies", "circle:size=3"), "circle has no parameter 'size'; it has radius"),
         (("--particles", "0"), "particles must be a whole number of at least 1, got 0"),
         (("--episodes", "0"), "--episodes must be at least 1, got 0"),
-        (("--from-step", "40"), "--from-step must be from 0 to 39, got 40"),
+        (("--from-step", "40"), "from_step must be from 0 to 39, got 40"),
         (("--together",), "--together takes at least two training runs among --policies, got 0"),
         (("--threads", "0"), "--threads must be at least 1, got 0"),
         (("--seed", "-1"), "--seed must be from 0 to 2147483647, got -1"),

@@ -46,7 +46,9 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     ]  # fmt: skip
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in out.glob("*.png"))
     result = read_json(out / "benchmark.json")
-    assert list(result) == ["env", "episodes", "seed", "from_step", "particles", "tracks", "versions", "policies", "ratios"]
+    assert list(result) == [
+        "env", "episodes", "seed", "from_step", "together", "particles", "tracks", "versions", "policies", "ratios",
+    ]  # fmt: skip
     assert result["env"] == "TagTrack/LeopardShark-v0"
     assert (result["episodes"], result["seed"], result["particles"]) == (6, 5, PARTICLES)
     assert {"tagtrack", "commit", "python", "numpy", "numba"} <= set(result["versions"])

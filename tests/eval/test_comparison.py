@@ -50,6 +50,16 @@ def test_runs_taken_together_weigh_the_same_in_each_episode(task):
     assert comparison.ratios["pursuit/2 runs"].value == pytest.approx(each["pursuit"].mean() / both.mean())
     ranges = [comparison.summaries[name]["mean_range_m"].value for name in (*seeds, "2 runs")]
     assert ranges[2] == pytest.approx((ranges[0] + ranges[1]) / 2)
+    assert "2 runs: seed0, seed1 taken together" in caption(comparison.document({}))
+
+
+@pytest.mark.parametrize(
+    ("names", "together", "complaint"),
+    [(("one", "other"), ("one", "third"), "'third' cannot"), (("one", "2 runs"), ("one", "2 runs"), "rename its folder")],
+)
+def test_a_row_of_all_together_needs_policies_and_a_name_of_its_own(task, names, together, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        compare(task, dict.fromkeys(names, "pursuit"), episodes=1, together=together)
 
 
 def test_an_id_a_policy_and_a_maker_will_do_too(task, save_run, tmp_path):

@@ -28,7 +28,9 @@ def document(*, perimeter=math.nan, names=("three_step", "circle:40"), tracks=No
 
 def test_document_has_the_layout_of_benchmark_json():
     made = document()
-    assert list(made) == ["env", "episodes", "seed", "from_step", "particles", "tracks", "versions", "policies", "ratios"]
+    assert list(made) == [
+        "env", "episodes", "seed", "from_step", "together", "particles", "tracks", "versions", "policies", "ratios",
+    ]  # fmt: skip
     assert list(made["policies"]) == ["three_step", "circle:40"]
     assert made["policies"]["three_step"]["mean_error_m"] == {"value": 7.0, "low": 6.0, "high": 8.0}
     assert made["policies"]["three_step"]["inside_perimeter"] == {"value": None, "low": None, "high": None}
