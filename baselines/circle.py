@@ -14,7 +14,7 @@ import numpy as np
 
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic, Sighting
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.validation import require
+from tagtrack.envs.validation import require
 
 
 def circling_course(distance: np.ndarray, radius: np.ndarray | float, scenario: Scenario) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from tagtrack.envs.observation import SCALES, SILENCE_SCALE, feature_names
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.validation import require, settle_numbers
 from tagtrack.envs.simulation import Simulation
 
 

@@ -16,7 +16,7 @@ from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angle
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
 from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
-from tagtrack.envs.sim.validation import require
+from tagtrack.envs.validation import require
 from tagtrack.envs.sim.vehicle import Vehicle
 
 INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any information

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tagtrack.baselines.heuristic import Heuristic, Sighting, require_stopping
-from tagtrack.envs.sim.validation import require
+from tagtrack.envs.validation import require
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

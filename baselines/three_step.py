@@ -13,7 +13,7 @@ import numpy as np
 
 from tagtrack.baselines.circle import circling_course
 from tagtrack.baselines.heuristic import Heuristic, Sighting, require_stopping, wrap_angles
-from tagtrack.envs.sim.validation import require
+from tagtrack.envs.validation import require
 
 STEP_ANGLES = np.array([math.pi / 4, -math.pi / 4, 0.0])  # gamma of Eq. 12 [rad]
 

@@ -10,11 +10,12 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tagtrack.envs.belief.filter import BELIEFS
+from tagtrack.envs.belief.assumptions import BELIEFS
+from tagtrack.envs.model import BELIEF, TRUTH, Model, find_model
+from tagtrack.envs.motions import PATHS, WALKS, Motion, Path
+from tagtrack.envs.rewards import Term
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.legs import StraightLegs
-from tagtrack.envs.sim.motion import MOTIONS, Replay
-from tagtrack.envs.sim.receivers import RECEIVERS
+from tagtrack.envs.sensors import SENSORS, Sensor
 
 
 def parameter_names(parameters: Any, prefix: str = "") -> list[str]:
@@ -23,8 +24,21 @@ def parameter_names(parameters: Any, prefix: str = "") -> list[str]:
     for item in dataclasses.fields(parameters):
         value = getattr(parameters, item.name)
         name = prefix + item.name
-        names += parameter_names(value, name + ".") if dataclasses.is_dataclass(value) else [name]
+        parts = _named_terms(value)
+        if dataclasses.is_dataclass(value):
+            names += parameter_names(value, name + ".")
+        elif parts:
+            names += [each for key, term in parts.items() for each in parameter_names(term, f"{name}.{key}.")]
+        else:
+            names.append(name)
     return names
+
+
+def _named_terms(value: Any) -> dict[str, Term]:
+    """Further terms of a reward by their names; empty for anything else."""
+    if not isinstance(value, tuple):
+        return {}
+    return {term.name or type(term).__name__: term for term in value if isinstance(term, Term)}
 
 
 def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario:
@@ -32,12 +46,28 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario
 
     Args:
         overrides: dotted name -> value, for instance ``{"vehicle.max_speed": 1.5, "belief.motion": "levy"}``. A motion may be
-            given by its name (``MOTIONS``), a receiver by its own (``RECEIVERS``), a belief by its filter's (``BELIEFS``), an
-            enumeration by its member's.
+            given by its name (``motions.WALKS``, ``PATHS``), a receiver by its own (``sensors.SENSORS``), a belief by its
+            filter's (``BELIEFS``), an enumeration by its member's; any model, a term for ``reward.own`` too, by MODULE:CLASS.
     Raises:
-        ValueError: for an unknown name or a value out of range, naming both.
+        ValueError: for an unknown name, a value out of range, or a parameter that nobody reads, naming it.
     """
-    return _override(scenario, [(name, name.split("."), value) for name, value in overrides.items()], scenario)
+    changed = _override(scenario, [(name, name.split("."), value) for name, value in overrides.items()], scenario)
+    for name in overrides:
+        _require_read(changed, name)
+    return changed
+
+
+def _require_read(scenario: Scenario, name: str) -> None:
+    """Refuse a parameter that the chosen model does not read: it would be ignored."""
+    part: Any = scenario
+    *path, last = name.split(".")
+    for head in path:
+        part = part[head] if isinstance(part, dict) else getattr(part, head)
+        part = _named_terms(part) or part
+    if isinstance(part, Model):
+        reason = part.unread(BELIEF if path[0] == "belief" else TRUTH).get(last)
+        if reason is not None:
+            raise ValueError(f"{name} would change nothing in a {type(part).__name__}: {reason}")
 
 
 Change = tuple[str, list[str], Any]  # the whole name, the path to go from here, the value
@@ -60,26 +90,39 @@ def _override(parameters: Any, changes: Sequence[Change], scenario: Scenario) ->
         for name, _, value in (change for change in own if not change[1]):
             part = _interpret(part, head, value, name)
         within = [change for change in own if change[1]]
-        parts[head] = _override(part, within, scenario) if within else part
+        if within and isinstance(part, tuple):
+            part = _override_terms(part, within, scenario)
+        elif within:
+            part = _override(part, within, scenario)
+        parts[head] = part
     return dataclasses.replace(parameters, **parts)
+
+
+def _override_terms(terms: tuple[Any, ...], changes: Sequence[Change], scenario: Scenario) -> tuple[Any, ...]:
+    """Changes of further terms of a reward, ``reward.own.NAME.PARAMETER``."""
+    named = _named_terms(terms)
+    for name, (head, *rest), _ in changes:
+        if head not in named or not rest:
+            raise ValueError(f"unknown parameter {name!r}; known: {', '.join(parameter_names(scenario))}")
+    return tuple(
+        _override(term, [(name, rest, value) for name, (head, *rest), value in changes if head == key], scenario)
+        for key, term in named.items()
+    )
+
+
+FOUND_BY_NAME: Mapping[str, tuple[Mapping[str, Any], tuple[type, ...]]] = {
+    "fish": ({**WALKS, **PATHS}, (Motion, Path)),
+    "motion": (WALKS, (Motion,)),
+    "receiver": (SENSORS, (Sensor,)),
+}
 
 
 def _interpret(old: Any, field_name: str, value: Any, name: str) -> Any:
     """The value as the field's own kind: texts come from command lines, names stand for whole parts."""
     if dataclasses.is_dataclass(old):
-        if isinstance(value, type(old)) or (dataclasses.is_dataclass(value) and not isinstance(value, type)):
-            return value
-        known: Mapping[str, Any] = {}
-        if field_name == "belief":
-            known = BELIEFS
-        elif field_name in ("fish", "motion"):
-            known = {key: motion() for key, motion in MOTIONS.items()}
-        elif field_name == "receiver":
-            known = {key: receiver() for key, receiver in RECEIVERS.items()}
-        if isinstance(value, str) and value in known:
-            return known[value]
-        choice = f"one of {', '.join(known)}" if known else f"given part by part ({', '.join(parameter_names(old))})"
-        raise ValueError(f"{name} must be {choice}, got {value!r}")
+        return _interpret_part(old, field_name, value, name)
+    if field_name == "own":
+        return _interpret_terms(value, name)
     if isinstance(old, enum.IntEnum):
         kind = type(old)
         if isinstance(value, str) and value.upper() in kind.__members__:
@@ -99,6 +142,30 @@ def _interpret(old: Any, field_name: str, value: Any, name: str) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+def _interpret_part(old: Any, field_name: str, value: Any, name: str) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return value
+    if field_name == "belief":
+        if isinstance(value, str) and value in BELIEFS:
+            return BELIEFS[value]
+        raise ValueError(f"{name} must be one of {', '.join(BELIEFS)}, got {value!r}")
+    if field_name not in FOUND_BY_NAME:
+        raise ValueError(f"{name} must be given part by part ({', '.join(parameter_names(old))}), got {value!r}")
+    known, kinds = FOUND_BY_NAME[field_name]
+    if not isinstance(value, str):
+        raise ValueError(f"{name} must be one of {', '.join(known)}, or MODULE:CLASS of your own, got {value!r}")
+    return find_model(value, known, kinds, name)
+
+
+def _interpret_terms(value: Any, name: str) -> tuple[Any, ...]:
+    """Further terms of a reward: objects, or ``MODULE:CLASS,MODULE:CLASS``."""
+    if isinstance(value, str):
+        value = [find_model(each.strip(), {}, (Term,), name) for each in value.split(",")]
+    if not isinstance(value, (list, tuple)):
+        raise ValueError(f"{name} must be MODULE:CLASS of a term of your own, or several with commas, got {value!r}")
+    return tuple(value)
+
+
 def _kind_name(value: Any) -> str:
     return "true or false" if isinstance(value, bool) else "a whole number" if isinstance(value, int) else "a number"
 
@@ -112,8 +179,10 @@ def describe_scenario(scenario: Any) -> dict[str, Any]:
             plain[item.name] = describe_scenario(value)
         elif isinstance(value, enum.IntEnum):
             plain[item.name] = value.name.lower()
+        elif _named_terms(value):
+            plain[item.name] = {name: describe_scenario(term) for name, term in _named_terms(value).items()}
         else:
             plain[item.name] = value
-    if type(scenario) in {*MOTIONS.values(), *RECEIVERS.values(), Replay, StraightLegs}:
+    if isinstance(scenario, Model):
         plain["kind"] = type(scenario).__name__
     return plain

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tagtrack.envs.belief.filter import Belief
-from tagtrack.envs.scenario import Reward, Scenario, Start
+from tagtrack.envs.belief.assumptions import Belief
+from tagtrack.envs.feature import Scale
+from tagtrack.envs.motions import MomentumRandomWalk, StraightLegs
+from tagtrack.envs.rewards import Reward
+from tagtrack.envs.scenario import Scenario, Start
+from tagtrack.envs.sensors import RangeReceiver
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.legs import StraightLegs
-from tagtrack.envs.sim.motion import MomentumRandomWalk
-from tagtrack.envs.sim.receivers import RangeReceiver
-from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.tag import Tag
 
 STEP = 30.0  # of both systems [s]: one range and one turn each
+SCALE = Scale(length=200.0, near=60.0, spread=20.0, memory=200.0)
 
 # One turn a step, as far as it is allowed, by a vehicle that knows where it is.
 STEPWISE = Vehicle(
@@ -49,6 +51,7 @@ MASMITJA2023 = Scenario(
         renewed_share=0.02,
     ),
     reward=Reward(error_cap=300.0),
+    scale=SCALE,
 )
 
 MEDIUM_LEGS = StraightLegs(
@@ -77,6 +80,7 @@ UTRACKING_MEDIUM = Scenario(
         half_width=500.0,
         renewed_share=0.02,
     ),
+    scale=SCALE,
 )
 UTRACKING_HARD = replace(
     UTRACKING_MEDIUM,

@@ -5,35 +5,55 @@
 
 from __future__ import annotations
 
+import enum
+import math
 from dataclasses import dataclass, field, replace
 
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import Recovery
-from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.legs import StraightLegs
-from tagtrack.envs.sim.motion import MomentumRandomWalk, Motion, Replay
-from tagtrack.envs.sim.receivers import (
-    MeasuredReception,
+from tagtrack.envs.feature import Scale
+from tagtrack.envs.kernels.random import MOST
+from tagtrack.envs.motions import MomentumRandomWalk, Motion, Path
+from tagtrack.envs.rewards import Reward
+from tagtrack.envs.sensors import (
     PresenceReceiver,
     RangeReceiver,
-    Receiver,
-    ReceiverKind,
+    Sensor,
     StereoHydrophone,
     TimeOfFlightReceiver,
 )
-from tagtrack.envs.sim.tags import Tag
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.sensors.sensor import DRAWS
+from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.tag import Tag
+from tagtrack.envs.validation import require, settle_numbers
+
+
+class Frame(enum.IntEnum):
+    """What the course of an action is relative to."""
+
+    AUTO = 0  # the line where there is one tag, the heading where there are several
+    LINE = 1  # from the vehicle to the estimate of the first tag
+    HEADING = 2  # the vehicle's own, by its compass
+
+
+class Formation(enum.IntEnum):
+    """How several vehicles lie about the origin when an episode begins."""
+
+    RING = 0  # at the corners of a regular polygon, the first one to the east
+    LINE = 1  # abreast, from south to north
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where the fish is when an episode begins; the vehicle lies at the origin."""
+    """Where the fish is when an episode begins; a single vehicle lies at the origin, several in formation about it."""
 
     nearest: float = 20.0  # [m], as in the trials of section 5.1
     farthest: float = 60.0  # [m]: near enough that the first pings are heard; with 100 (L) an episode may begin unheard
     shallowest: float = 0.0  # depth of the fish below the vehicle, drawn for each episode; the vehicle knows it [m]
     deepest: float = 0.0
+    formation: Formation = Formation.RING
+    separation: float = 20.0  # between neighbours in the formation [m]
 
     def __post_init__(self) -> None:
         settle_numbers(self)
@@ -41,25 +61,17 @@ class Start:
         require(self.farthest >= self.nearest, self, "farthest", f"at least nearest ({self.nearest} m)")
         require(self.shallowest >= 0, self, "shallowest", "at least 0")
         require(self.deepest >= self.shallowest, self, "deepest", f"at least shallowest ({self.shallowest} m)")
+        require(self.separation >= 0, self, "separation", "at least 0")
 
-
-@dataclass(frozen=True, kw_only=True)
-class Reward:
-    """Named terms of the reward, each with its weight; their sum is the reward of a step."""
-
-    localization: float = 1.0  # weight of minus the localization error, as a share of error_cap
-    error_cap: float = 100.0  # errors beyond count as this one, lest lost episodes drown the rest [m]
-    standoff: float = 0.0  # weight of minus the share of the perimeter that the vehicle has intruded
-    perimeter: float = 0.0  # distance that the vehicle should keep from the fish [m]; 0: none
-
-    def __post_init__(self) -> None:
-        settle_numbers(self)
-        require(self.error_cap > 0, self, "error_cap", "positive")
-        for name in ("localization", "standoff", "perimeter"):
-            require(getattr(self, name) >= 0, self, name, "at least 0")
-
-
-REWARD_TERMS = ("localization", "standoff")
+    def places(self, vehicles: int) -> tuple[tuple[float, float], ...]:
+        """Where so many vehicles lie at the start (x, y) [m]."""
+        if vehicles == 1:
+            return ((0.0, 0.0),)
+        if self.formation == Formation.LINE:
+            return tuple((0.0, self.separation * (v - 0.5 * (vehicles - 1))) for v in range(vehicles))
+        radius = 0.5 * self.separation / math.sin(math.pi / vehicles)
+        turns = [2.0 * math.pi * v / vehicles for v in range(vehicles)]
+        return tuple((radius * math.cos(turn), radius * math.sin(turn)) for turn in turns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,20 +88,22 @@ class Scenario:
     targets: int = 1  # fish, one tag each
     shared_belief: bool = True  # one belief for all vehicles, or one each
     speed_control: bool = False  # whether the action sets the speed, too
+    steer_by: Frame = Frame.AUTO  # what the course of an action is relative to
     vehicle: Vehicle = field(default_factory=Vehicle)
-    fish: Motion | StraightLegs | Replay = field(
+    fish: Motion | Path = field(
         default_factory=lambda: MomentumRandomWalk(speed_sigma=0.05, turn_sigma=0.15, max_speed=0.5)
     )
     start: Start = field(default_factory=Start)
     tag: Tag = field(default_factory=Tag)
     water: Water = field(default_factory=Water)
-    receiver: Receiver | MeasuredReception = field(default_factory=StereoHydrophone)
+    receiver: Sensor = field(default_factory=StereoHydrophone)
     # Table I's diffusion (FILTERS["standard"]) spreads particles far faster than this fish swims; section 7 finds that tuning it
     # helps, so the task assumes a fish somewhat faster and more restless than the true one.
     belief: Belief = field(
         default_factory=lambda: Belief(motion=MomentumRandomWalk(speed_sigma=0.06, turn_sigma=0.2, max_speed=0.6))
     )
     reward: Reward = field(default_factory=Reward)
+    scale: Scale = field(default_factory=Scale)  # of the observation
     lost_error: float = 100.0  # beyond it the fish counts as lost [m]: further off than a receiver reaches (4.1)
 
     def __post_init__(self) -> None:
@@ -100,21 +114,36 @@ class Scenario:
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ValueError(f"Scenario.{name} must be a whole number of at least 1, got {value!r}")
-        if isinstance(self.belief.motion, (Replay, StraightLegs)):
-            kind = type(self.belief.motion).__name__
-            raise ValueError(f"Scenario.belief.motion cannot be {kind}: particles need a random motion")
-        if self.belief.receiver.kind != self.receiver.kind or isinstance(self.belief.receiver, MeasuredReception):
-            own, assumed = type(self.receiver).__name__, type(self.belief.receiver).__name__
-            raise ValueError(f"Scenario.belief.receiver cannot score the readings of a {own}, got {assumed}")
-        if self.start.deepest > 0 and self.receiver.kind in (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT):
-            raise ValueError(f"Start.deepest must be 0 with a {type(self.receiver).__name__}, whose bearings are in the plane")
-        if self.tag.random_delay > 0 and self.receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
-            raise ValueError("Tag.random_delay must be 0 with a TimeOfFlightReceiver, which must know when a ping was sent")
+        for name in ("vehicles", "targets"):
+            require(getattr(self, name) <= MOST, self, name, f"at most {MOST}")
+        if not isinstance(self.fish, (Motion, Path)):
+            raise ValueError(f"Scenario.fish must be a Motion or a Path, got {self.fish!r}")
+        self._check_receiver()
+
+    def _check_receiver(self) -> None:
+        own, assumed = self.receiver, self.belief.receiver
+        if not isinstance(own, Sensor) or own.read is None:
+            raise ValueError(f"Scenario.receiver must be a Sensor that reads, got {own!r}")
+        if assumed.readings != own.readings:
+            raise ValueError(
+                f"Scenario.belief.receiver cannot score the readings of a {type(own).__name__}, got {type(assumed).__name__}"
+            )
+        if len(own.draws) > DRAWS:
+            raise ValueError(f"{type(own).__name__}.draws must be at most {DRAWS} numbers, got {len(own.draws)}")
+        if self.start.deepest > 0 and own.in_plane:
+            raise ValueError(f"Start.deepest must be 0 with a {type(own).__name__}, whose bearings are in the plane")
+        if self.tag.random_delay > 0 and own.needs_period:
+            raise ValueError(f"Tag.random_delay must be 0 with a {type(own).__name__}, which must know when a ping was sent")
 
     @property
     def owners(self) -> int:
         """Number of beliefs: one, or one for each vehicle."""
         return 1 if self.shared_belief else self.vehicles
+
+    @property
+    def steers_by_heading(self) -> bool:
+        """Whether courses are relative to the heading, not to the line."""
+        return self.steer_by == Frame.HEADING or (self.steer_by == Frame.AUTO and self.targets > 1)
 
 
 # Bearing and one-way range (Lin et al. 2013): a tag that was calibrated four hours ago, up to 85 m away at first, as far as the
@@ -151,13 +180,13 @@ RANGE_ONLY = Scenario(
         renewed_share=0.02,
         renewed_radius=200.0,
     ),
+    scale=Scale(length=200.0, near=60.0, spread=20.0, memory=200.0),
 )
 
 # Area-only tracking (Masmitja et al. 2020): a Wave Glider hears a Vemco V7 or not. Heard are 90 % of the pings at the working
 # range of 250 m and 20 % at 400 m (Fig. S3), times a reception ratio of 60 to 100 % (Fig. 3D).
-AREA_RECEIVER = PresenceReceiver(
-    max_range=340.0, detection_sigma=70.0, silence_sigma=70.0, reception=0.8, reception_spread=0.2
-)
+AREA_RECEIVER = PresenceReceiver(max_range=340.0, detection_sigma=70.0, reception=0.8, reception_spread=0.2)
+AREA_ASSUMED = PresenceReceiver(max_range=340.0, detection_sigma=70.0, silence_sigma=70.0, reception=0.8)
 AREA_ONLY = Scenario(
     time_step=30.0,
     episode_steps=720,  # six hours, some 288 pings; the paper's field test lasted fifteen
@@ -169,11 +198,12 @@ AREA_ONLY = Scenario(
     receiver=AREA_RECEIVER,
     belief=Belief(
         motion=MomentumRandomWalk(speed_sigma=0.006, turn_sigma=0.025, max_speed=0.35),
-        receiver=AREA_RECEIVER,
+        receiver=AREA_ASSUMED,
         half_width=400.0,
         renewed_share=0.015,
     ),
     reward=Reward(error_cap=1000.0),
+    scale=Scale(length=200.0, near=60.0, spread=20.0, memory=300.0),
     lost_error=400.0,
 )
 
@@ -187,7 +217,7 @@ SCENARIOS = {
         AREA_ONLY,
         episode_steps=360,  # three hours: later the mean error is that of the few episodes in which the animal is lost
         receiver=replace(AREA_RECEIVER, max_range=275.0, max_range_spread=125.0),
-        belief=replace(AREA_ONLY.belief, receiver=replace(AREA_RECEIVER, max_range=275.0, max_range_spread=125.0)),
+        belief=replace(AREA_ONLY.belief, receiver=replace(AREA_ASSUMED, max_range=275.0, max_range_spread=125.0)),
     ),
 }
 

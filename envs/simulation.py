@@ -8,17 +8,20 @@ from typing import Any
 import numba
 import numpy as np
 
-from tagtrack.envs.belief.filter import BELIEF, make_scratch
+from tagtrack.envs.belief.row import BELIEF, make_scratch
 from tagtrack.envs.belief.summary import covariance
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.feature import Feature
+from tagtrack.envs.kernels.action_loops import find_broken_action
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.observation import Feature, action_names, features
-from tagtrack.envs.scenario import REWARD_TERMS, Scenario
-from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.replay import NO_TRACKS, TrackTable, make_table
+from tagtrack.envs.measurement import LISTENER, MEASUREMENT, NAVIGATION, Status
+from tagtrack.envs.motions import Replay
+from tagtrack.envs.motions.replay import NO_TRACKS, TrackTable, make_table
+from tagtrack.envs.motions.tracks import Track
+from tagtrack.envs.observation import OUTLOOK, action_names, features
+from tagtrack.envs.rewards.term import OUTCOME
+from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.sensors.sensor import ENCOUNTER
 from tagtrack.envs.sim.tags import TARGET
-from tagtrack.envs.sim.tracks import Track
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
@@ -48,10 +51,11 @@ class Simulation:
         self.scenario = scenario
         self.num_worlds = int(num_worlds)
         self.threads = min(int(threads), self.num_worlds)
-        self.features: tuple[Feature, ...] = features(scenario.targets, scenario.receiver.kind)
-        self.action_names = action_names(scenario.speed_control)
+        self.features: tuple[Feature, ...] = features(scenario)
+        self.action_names = action_names(scenario)
         self._parameters = to_record(world_rule(scenario))
         self._tracks = _track_table(scenario, tracks)
+        self._places = np.array(scenario.start.places(scenario.vehicles))
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
         particles = scenario.belief.particles
         self.worlds = Worlds(
@@ -59,24 +63,31 @@ class Simulation:
             vehicles=np.zeros((b, v), VEHICLE),
             targets=np.zeros((b, t), TARGET),
             fish=np.zeros((b, t, 4, 1), np.float32),
-            contacts=np.zeros((b, v, t), CONTACT),
+            encounters=np.zeros((b, v, t), ENCOUNTER),
+            navigation=np.zeros((b, v), NAVIGATION),
+            measurements=np.zeros((b, v, t), MEASUREMENT),
             beliefs=np.zeros((b, o, t), BELIEF),
             particles=np.zeros((b, o, t, scenario.belief.rows, particles), np.float32),
+            listeners=np.zeros((b, v, t), LISTENER),
+            outlooks=np.zeros((b, v, t), OUTLOOK),
         )
         self.outputs = Outputs(
             observation=np.zeros((b, v, len(self.features)), np.float32),
-            terms=np.zeros((b, v, len(REWARD_TERMS))),
+            terms=np.zeros((b, v, len(scenario.reward.names))),
+            error=np.zeros((b, o, t)),
+            outcomes=np.zeros((b, v), OUTCOME),
         )
+        self._begun = np.zeros(b, bool)
         self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
         self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
         self._chosen = np.zeros(b, bool)
-        self._reset_arguments = (self._chosen, self._parameters, self._tracks, self.worlds, self.outputs)
+        self._reset_arguments = (self._chosen, self._parameters, self._tracks, self._places, self.worlds, self.outputs)
         self._step_arguments = (self._parameters, self._tracks, self._actions, self.worlds, self.outputs)
         self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
         self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: np.ndarray | None = None) -> np.ndarray:
-        """Begin a new episode: of ``seed`` its first, without a seed the next one.
+        """Begin a new episode: of ``seed`` its first, without a seed the next one (before any seed was given, of seed 0).
 
         Args:
             seed: of world 0 (world i gets seed + i), or one for each world.
@@ -89,11 +100,11 @@ class Simulation:
         chosen = self._chosen
         chosen[...] = True if mask is None else mask
         clock = self.worlds.clock
-        if seed is None:
-            clock["episode"][chosen] += np.uint64(1)
-        else:
-            clock["seed"][chosen] = self._seeds(seed)[chosen]
-            clock["episode"][chosen] = 0
+        fresh = chosen if seed is not None else chosen & ~self._begun
+        clock["episode"][chosen & ~fresh] += np.uint64(1)
+        clock["seed"][fresh] = self._seeds(0 if seed is None else seed)[fresh]
+        clock["episode"][fresh] = 0
+        self._begun |= chosen
         self._workers.run(self._reset_worlds, *self._reset_arguments)
         return self.outputs.observation
 
@@ -113,7 +124,10 @@ class Simulation:
 
         Raises:
             ValueError: for another shape, or a NaN or infinity among the actions.
+            RuntimeError: for a world that was never reset.
         """
+        if not self._begun.all():
+            raise RuntimeError(f"world {int(np.argmin(self._begun))} has no episode to step; call reset first")
         if np.shape(actions) != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {np.shape(actions)}")
         self._actions[...] = actions
@@ -135,22 +149,22 @@ class Simulation:
     @property
     def reward_terms(self) -> dict[str, np.ndarray]:
         """The weighted terms of the last step by name, each (B, V)."""
-        return {name: self.outputs.terms[..., k] for k, name in enumerate(REWARD_TERMS)}
+        return {name: self.outputs.terms[..., k] for k, name in enumerate(self.scenario.reward.names)}
 
     @property
     def error(self) -> np.ndarray:
         """(B, O, T) distance from estimate to true fish [m]."""
-        return self.worlds.beliefs["error"]
+        return self.outputs.error
 
     @property
     def range(self) -> np.ndarray:
         """(B, V, T) true distance from vehicle to fish [m]."""
-        return self.worlds.contacts["range"]
+        return self.worlds.encounters["range"]
 
     @property
     def detected(self) -> np.ndarray:
         """(B, V, T) whether a usable signal came in at the last step."""
-        return self.worlds.contacts["detected"]
+        return self.worlds.measurements["status"] == int(Status.HEARD)
 
     @property
     def mean(self) -> np.ndarray:
@@ -190,17 +204,6 @@ class Simulation:
         """End the threads."""
         self._workers.close()
         self.threads = 1
-
-
-@compiled
-def find_broken_action(actions):
-    """The first world with a NaN or an infinity among its actions (B, V, A); -1 if there is none."""
-    for b in range(actions.shape[0]):
-        for v in range(actions.shape[1]):
-            for a in range(actions.shape[2]):
-                if not np.isfinite(actions[b, v, a]):
-                    return b
-    return -1
 
 
 def _bind(kernel: Any, *arguments: Any) -> Any:

@@ -17,9 +17,9 @@ from tagtrack.envs.observation import action_names, features
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.presets import find_preset
 from tagtrack.envs.scenario import Scenario, find_scenario
-from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.replay import find_stretches
-from tagtrack.envs.sim.tracks import Track, read_tracks
+from tagtrack.envs.motions import Replay
+from tagtrack.envs.motions.replay import find_stretches
+from tagtrack.envs.motions.tracks import Track, read_tracks
 
 
 class Task(NamedTuple):
@@ -157,10 +157,10 @@ def require_single(scenario: Scenario, shell: str) -> None:
 
 def observation_space(scenario: Scenario) -> Box:
     """Of one vehicle: finite bounds, one for each of ``features``."""
-    layout = features(scenario.targets, scenario.receiver.kind)
+    layout = features(scenario)
     return Box(np.array([f.low for f in layout], np.float32), np.array([f.high for f in layout], np.float32))
 
 
 def action_space(scenario: Scenario) -> Box:
     """Of one vehicle: as many numbers in [-1, 1] as ``action_names`` has names."""
-    return Box(-1.0, 1.0, (len(action_names(scenario.speed_control)),), np.float32)
+    return Box(-1.0, 1.0, (len(action_names(scenario)),), np.float32)

@@ -15,7 +15,7 @@ from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import FULL_TURN
 from tagtrack.envs.kernels.random import PURPOSES, RECOVERY, uniform_pair
 from tagtrack.envs.kernels.resample_loops import total_weight
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.validation import require, settle_numbers
 
 f32 = np.float32
 LARGEST_SHARE = 0.5  # of random particles, from which on there is no second resampling (Alg. 2, line 9)
@@ -59,15 +59,15 @@ def follow_likelihood(belief, weight, readings, recovery):
 
 
 @compiled
-def scatter_share(particles, share, vehicle, stream, row, half_width):
-    """Replace a share of the particles by random ones: anywhere in a square about the vehicle, on any heading.
+def scatter_share(particles, share, x, y, stream, row, half_width):
+    """Replace a share of the particles by random ones: anywhere in a square about the vehicle at (x, y), on any heading.
 
     Each keeps the speed of the one it replaces. Instead of a throw for each particle (Alg. 2, line 2) every n-th goes: children
     of one parent lie side by side after resampling, so it takes from all alike.
     """
     count = int(share * particles.shape[1] + 0.5)
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
+    own_x = f32(x)
+    own_y = f32(y)
     width = f32(2.0 * half_width)
     for k in range(count):
         i = k * particles.shape[1] // count

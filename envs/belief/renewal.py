@@ -1,7 +1,7 @@
-"""Where particles come from when resampling has none to give: a first range, compound resampling; and the row of estimated reach.
+"""Where particles come from when resampling has none to give: a first range, compound resampling; and a fifth row of particles.
 
-Masmitja et al. 2020 spread a share of the particles around the last estimate at each resampling; the unknown range of a
-presence receiver as a further row of the particles is ours.
+Masmitja et al. 2020 spread a share of the particles around the last estimate at each resampling; a number that a belief estimates
+together with the position, as the unknown range of a presence receiver, is ours.
 """
 
 from __future__ import annotations
@@ -38,26 +38,25 @@ def is_refuted(weight, readings, rule):
     A cloud that covers the fish stays above this until it is some hundred times as wide as a range is sure: a belief so
     refuted sits in the wrong place, as in the mirror image of the right one.
     """
-    peak = 1.0 / (math.sqrt(2.0 * math.pi) * rule.receiver.range_sigma)
+    peak = 1.0 / (math.sqrt(2.0 * math.pi) * rule.ring_sigma)
     return total_weight(weight) / weight.shape[0] < (rule.weight_floor + LEAST_FIT * peak) ** readings
 
 
 @compiled
-def scatter_on_ring(particles, vehicle, contact, stream, row, rule, scratch):
+def scatter_on_ring(particles, measurement, stream, row, rule, scratch):
     """A first range, or one that refutes the belief, says where particles must be: on a ring about the vehicle.
 
     They are spread evenly across it, so that the weighing that follows gives them the range's own density.
     """
-    receiver = rule.receiver
     fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
-    width = RING * receiver.range_sigma / receiver.range_factor
-    middle = contact.slant_range / receiver.range_factor
-    least = max(middle - width, contact.depth)
-    largest = max(middle + width, contact.depth + width)
+    width = RING * rule.ring_sigma / rule.ring_factor
+    middle = measurement.readings[rule.ring_reading] / rule.ring_factor
+    least = max(middle - width, measurement.depth)
+    largest = max(middle + width, measurement.depth + width)
     scatter_on_annulus(
-        particles[0], particles[1], scratch.bits, f32(vehicle.believed_x), f32(vehicle.believed_y),
-        f32(math.sqrt(max((least - contact.depth) * (least + contact.depth), 0.0))),
-        f32(math.sqrt(max((largest - contact.depth) * (largest + contact.depth), 0.0))),
+        particles[0], particles[1], scratch.bits, f32(measurement.x), f32(measurement.y),
+        f32(math.sqrt(max((least - measurement.depth) * (least + measurement.depth), 0.0))),
+        f32(math.sqrt(max((largest - measurement.depth) * (largest + measurement.depth), 0.0))),
     )  # fmt: skip
 
 
@@ -68,7 +67,6 @@ def renew(particles, belief, stream, row, rule):
     Children of one parent lie side by side after resampling: every n-th takes from all alike.
     """
     count = int(rule.renewed_share * particles.shape[1])
-    spread = rule.receiver.max_range_spread
     for k in range(count):
         i = k * particles.shape[1] // count
         area, direction = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k)
@@ -78,34 +76,34 @@ def renew(particles, belief, stream, row, rule):
         particles[1, i] = f32(belief.estimate_y) + distance * sin_of_turns(turn)
         if particles.shape[0] > 4:
             unit, _ = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k + 1)
-            particles[4, i] = rule.receiver.max_range + spread * (2.0 * unit - 1.0)
+            particles[4, i] = rule.middle + rule.reach * (2.0 * unit - 1.0)
 
 
 @compiled
-def spread_reach(reach, stream, row, receiver, scratch):
-    """First ranges [m], uniform over the interval that the belief assumes."""
+def spread_estimated(values, stream, row, rule, scratch):
+    """First values of the number that is estimated with the position, uniform over the interval that the belief assumes."""
     fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
-    middle = f32(receiver.max_range)
-    width = f32(2.0 * receiver.max_range_spread)
-    for i in range(reach.shape[0]):
-        reach[i] = middle + width * (high_unit(scratch.bits[i]) - f32(0.5))
+    middle = f32(rule.middle)
+    width = f32(2.0 * rule.reach)
+    for i in range(values.shape[0]):
+        values[i] = middle + width * (high_unit(scratch.bits[i]) - f32(0.5))
 
 
 @compiled
-def walk_reach(reach, stream, row, receiver, scratch):
-    """A small step of each range within the interval: resampling alone would leave but a few values."""
+def walk_estimated(values, stream, row, rule, scratch):
+    """A small step of each value within the interval: resampling alone would leave but a few of them."""
     fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
     bits_to_normals(scratch.bits, scratch.normal_1, scratch.normal_2)
-    step = f32(receiver.max_range_walk)
-    least = f32(receiver.max_range - receiver.max_range_spread)
-    largest = f32(receiver.max_range + receiver.max_range_spread)
-    for i in range(reach.shape[0]):
-        reach[i] = min(max(reach[i] + step * scratch.normal_1[i], least), largest)
+    step = f32(rule.walk)
+    least = f32(rule.middle - rule.reach)
+    largest = f32(rule.middle + rule.reach)
+    for i in range(values.shape[0]):
+        values[i] = min(max(values[i] + step * scratch.normal_1[i], least), largest)
 
 
 @compiled
-def summarize_reach(reach, belief):
-    """Mean and standard deviation of the ranges [m]."""
-    mean = mean_of(reach)
-    belief.max_range = mean
-    belief.max_range_spread = math.sqrt(variance_about(reach, mean))
+def summarize_estimated(values, belief):
+    """Mean and standard deviation of the values."""
+    mean = mean_of(values)
+    belief.estimated = mean
+    belief.estimated_spread = math.sqrt(variance_about(values, mean))

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import Estimate
-from tagtrack.envs.belief.renewal import summarize_reach
+from tagtrack.envs.belief.assumptions import Estimate
+from tagtrack.envs.belief.renewal import summarize_estimated
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.summary_loops import mean_about, spread_about
 
@@ -16,32 +16,35 @@ f32 = np.float32
 
 
 @compiled
-def summarize(particles, belief, vehicle, rule):
-    """Mean, spread and estimate of a row. Returns the share of particles to port of the vehicle."""
+def summarize(particles, belief, about_x, about_y, heading, rule):
+    """Mean, spread and estimate of a row; returns the share of particles to the left of a heading at (about_x, about_y).
+
+    Sums are taken about that place, lest float32 lose its digits: it must lie near the particles, as a vehicle does.
+    """
     x = particles[0]
     y = particles[1]
-    own_x = f32(vehicle.believed_x)
-    own_y = f32(vehicle.believed_y)
-    ahead_x = f32(math.cos(vehicle.compass))
-    ahead_y = f32(math.sin(vehicle.compass))
-    offset_x, offset_y, port = mean_about(x, y, own_x, own_y, ahead_x, ahead_y)
+    own_x = f32(about_x)
+    own_y = f32(about_y)
+    ahead_x = f32(math.cos(heading))
+    ahead_y = f32(math.sin(heading))
+    offset_x, offset_y, left = mean_about(x, y, own_x, own_y, ahead_x, ahead_y)
     xx, yy, xy = spread_about(x, y, own_x + offset_x, own_y + offset_y)
     belief.mean_x = np.float64(own_x) + np.float64(offset_x)
     belief.mean_y = np.float64(own_y) + np.float64(offset_y)
     belief.xx = xx
     belief.yy = yy
     belief.xy = xy
-    belief.max_range = rule.receiver.max_range
-    belief.max_range_spread = 0.0
+    belief.estimated = rule.middle
+    belief.estimated_spread = 0.0
     if particles.shape[0] > 4:
-        summarize_reach(particles[4], belief)
+        summarize_estimated(particles[4], belief)
     if rule.estimate == Estimate.BEST:
         belief.estimate_x = x[belief.best]
         belief.estimate_y = y[belief.best]
     else:
         belief.estimate_x = belief.mean_x
         belief.estimate_y = belief.mean_y
-    return port
+    return left
 
 
 def covariance(belief: Any) -> np.ndarray:

@@ -34,13 +34,23 @@ def source_stamp() -> str:
     return digest.hexdigest()[:16]
 
 
+FOREIGN = "_tagtrack_model"  # marks functions outside this package that are compiled over its kernels
+
+
+def mark_foreign(function: Callable[..., Any]) -> None:
+    """Let a function of somebody else's file be cached as ours are: valid only for these sources of ours and that file."""
+    setattr(function, FOREIGN, True)
+
+
 class SourceStampedCache(_CacheLocator):
-    """Places the cache of our own functions in ``__pycache__`` or, where that cannot be written, in the user's cache folder."""
+    """Places the cache in ``__pycache__`` beside the source or, where that cannot be written, in the user's cache folder."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._py_func = py_func
         self._lineno = py_func.__code__.co_firstlineno
-        beside = PACKAGE / "__pycache__"
+        own = PACKAGE in Path(py_file).resolve().parents
+        self._foreign = None if own else Path(py_file)
+        beside = (PACKAGE if own else Path(py_file).resolve().parent) / "__pycache__"
         if os.environ.get("NUMBA_CACHE_DIR"):
             self._folder = Path(os.environ["NUMBA_CACHE_DIR"]) / "tagtrack"
         elif _is_writable(beside):
@@ -53,14 +63,17 @@ class SourceStampedCache(_CacheLocator):
         return str(self._folder)
 
     def get_source_stamp(self) -> str:
-        return source_stamp()
+        if self._foreign is None:
+            return source_stamp()
+        return source_stamp() + hashlib.sha256(self._foreign.read_bytes()).hexdigest()[:16]
 
     def get_disambiguator(self) -> str:
         return str(self._lineno)
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> SourceStampedCache | None:
-        if PACKAGE not in Path(py_file).resolve().parents:
+        own = PACKAGE in Path(py_file).resolve().parents
+        if not own and not (getattr(py_func, FOREIGN, False) and Path(py_file).is_file()):
             return None  # somebody else's function: numba's own rules
         locator = cls(py_func, py_file)
         try:

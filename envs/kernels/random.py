@@ -17,9 +17,13 @@ ROUNDS = 7
 
 # Purposes: the fourth counter word. Each owns the numbers drawn for it, so that adding a draw to one leaves the others alone.
 # A purpose that fills whole rows adds PURPOSES times the number of the row.
-START, TRACK, FISH, WATER, HEARING, READING, NAVIGATION, SPREAD, PREDICT, RESAMPLE = range(10)
+START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMPLE = range(10)
 PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = range(10, 16)
 PURPOSES = 16
+
+# Several vehicles and tags: each pair, each row and each tag has a place of its own in the counters, whatever the others are, so
+# that one more of them changes no draw of theirs.
+MOST = 256  # vehicles, or tags, of a world
 
 _MULTIPLIER_0 = np.uint64(0xD2511F53)
 _MULTIPLIER_1 = np.uint64(0xCD9E8D57)
@@ -44,6 +48,12 @@ def philox(c0, c1, c2, c3, k0, k1, rounds):
         k0 = k0 + _WEYL_0
         k1 = k1 + _WEYL_1
     return c0 & _WORD, c1 & _WORD, c2 & _WORD, c3 & _WORD
+
+
+@compiled
+def place_of(vehicle, tag):
+    """The number of a pair among the draws of a world."""
+    return vehicle * MOST + tag
 
 
 @compiled

@@ -13,14 +13,15 @@ import numpy as np
 
 
 def record_type(parameters: Any) -> np.dtype:
-    """Structured dtype of a dataclass instance of numbers, flags, enumerations, tuples of numbers and such dataclasses."""
+    """Structured dtype of a dataclass instance of numbers, flags, enumerations, tuples of numbers (of whole ones where all are) and such dataclasses."""
     fields = []
     for field in dataclasses.fields(parameters):
         value = getattr(parameters, field.name)
         if dataclasses.is_dataclass(value):
             fields.append((field.name, record_type(value)))
         elif isinstance(value, tuple):
-            fields.append((field.name, np.dtype((np.float64, len(value)))))
+            kind = np.int64 if value and all(isinstance(each, int) for each in value) else np.float64
+            fields.append((field.name, np.dtype((kind, len(value)))))
         else:
             fields.append((field.name, np.dtype(np.int64 if isinstance(value, int) else np.float64)))
     return np.dtype(fields)

@@ -1,4 +1,4 @@
-"""Loops that condense a row of particles: means about the vehicle, spreads about the mean (float32 keeps its digits so)."""
+"""Loops that condense a row of particles: means about a place near by, spreads about the mean (float32 keeps its digits so)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,27 @@ f32 = np.float32
 
 @compiled
 def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
-    """Mean offset from the vehicle (x, y) [m] and the share of particles to port of its heading."""
+    """Mean offset from a place (x, y) [m], and the share of particles to the left of a direction there: one pass for both."""
     sum_x = f32(0.0)
     sum_y = f32(0.0)
-    port = f32(0.0)
+    left = f32(0.0)
     for i in range(x.shape[0]):
         dx = x[i] - own_x
         dy = y[i] - own_y
         sum_x += dx
         sum_y += dy
-        port += f32(1.0) if ahead_x * dy - ahead_y * dx > f32(0.0) else f32(0.0)
+        left += f32(1.0) if ahead_x * dy - ahead_y * dx > f32(0.0) else f32(0.0)
     count = f32(x.shape[0])
-    return sum_x / count, sum_y / count, port / count
+    return sum_x / count, sum_y / count, left / count
+
+
+@compiled
+def share_to_port(x, y, own_x, own_y, ahead_x, ahead_y):
+    """Share of particles to port of a vehicle; ``ahead`` is the unit vector of its heading."""
+    port = f32(0.0)
+    for i in range(x.shape[0]):
+        port += f32(1.0) if ahead_x * (y[i] - own_y) - ahead_y * (x[i] - own_x) > f32(0.0) else f32(0.0)
+    return port / f32(x.shape[0])
 
 
 @compiled

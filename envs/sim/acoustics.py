@@ -1,4 +1,4 @@
-"""Water and hearing: which pings reach a receiver, and what a vehicle keeps of them.
+"""Water and hearing: which pings reach a receiver, and the measurement that a vehicle makes of them.
 
 Hearing falls off about L = 100 m, and losses come in bursts (weed, bubbles, the hull's own noise), so that the rate of usable
 signals ranges over some 3 to 25 a minute and gaps reach 30 s (Clark et al. 2013, 6.2; Lin et al. 2013, III.B): with the defaults
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import HEARING, START, WATER, normal_pair, uniform_pair
-from tagtrack.envs.sim.readings import presence_chance, read_range, read_stereo, read_time_of_flight
-from tagtrack.envs.sim.receivers import ReceiverKind
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.kernels.random import HEARING, READING, START, WATER, normal_pair, place_of, uniform_pair
+from tagtrack.envs.measurement import READINGS, Status
+from tagtrack.envs.sensors.sensor import DRAWS, chance_at, read_at
+from tagtrack.envs.validation import require, settle_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,49 +38,39 @@ class Water:
             require(0 <= getattr(self, name) <= 1, self, name, "within 0 to 1")
 
 
-# What one vehicle hears of one tag. `units` [Lotek], `strength` and `slant_range` [m] are the last reading, NaN before the
-# first, `previous_range` the one before; `silence` is the time since the last [s]; `noisy` tells a burst of losses; `missed` that
-# a ping was not heard, or that a silence has just become certain to have swallowed one, and `surely_by` the time by which the
-# next one will have come for certain [s]; `heard_lately` and `heard_long` are averages of detections over pings, `port` the share
-# of particles to port, `cos_lately` and `sin_lately` averages of the belief's bearing relative to the heading. The vehicle knows
-# the `depth` of the fish [m], not the `clock_error` by which this receiver takes a ping of this tag for later than it was [s].
-CONTACT = np.dtype(
-    [(name, np.bool_) for name in ("pinged", "detected", "missed", "noisy")]
-    + [
-        (name, np.float64)
-        for name in (
-            "units", "strength", "slant_range", "previous_range", "range", "depth", "clock_error", "silence", "surely_by",
-            "heard_lately", "heard_long", "port", "cos_lately", "sin_lately",
-        )
-    ]
-)  # fmt: skip
-
-
 @compiled
-def open_contact(contact, target, stream, index, water, receiver, longest_interval):
-    """A contact before the first ping."""
+def open_encounter(encounter, stream, index, water, clock_sigma):
+    """Before the first ping: the state of the water, and the error of the clocks."""
     chance, _ = uniform_pair(stream, START, 16 * index + 2)
-    contact.pinged = False
-    contact.detected = False
-    contact.missed = False
-    contact.noisy = chance < water.noisy_share
-    contact.units = np.nan
-    contact.strength = np.nan
-    contact.slant_range = np.nan
-    contact.previous_range = np.nan
+    encounter.noisy = chance < water.noisy_share
+    encounter.pinged = False
+    encounter.heard = False
     drift, _ = normal_pair(stream, START, 16 * index + 8)
-    contact.clock_error = receiver.clock_sigma * drift
-    contact.depth = target.depth
-    contact.silence = 0.0
-    contact.surely_by = longest_interval
-    contact.heard_lately = 0.5
-    contact.heard_long = 0.5
-    contact.cos_lately = 0.0
-    contact.sin_lately = 0.0
+    encounter.clock_error = clock_sigma * drift
 
 
 @compiled
-def change_water(contact, stream, index, water, time_step):
+def meet(encounter, vehicle, target, fish_x, fish_y, period):
+    """Where vehicle and fish truly are."""
+    dx = fish_x - vehicle.x
+    dy = fish_y - vehicle.y
+    encounter.x = vehicle.x
+    encounter.y = vehicle.y
+    encounter.heading = vehicle.heading
+    encounter.fish_x = fish_x
+    encounter.fish_y = fish_y
+    encounter.depth = target.depth
+    encounter.range = math.sqrt(dx * dx + dy * dy)
+    encounter.distance = math.sqrt(dx * dx + dy * dy + target.depth * target.depth)
+    encounter.ping = target.last_ping
+    encounter.first_ping = target.first_ping
+    encounter.period = period
+    for k in range(DRAWS):
+        encounter.drawn[k] = target.drawn[k]
+
+
+@compiled
+def change_water(encounter, stream, index, water, time_step):
     """Bursts begin and end without memory (a Gilbert-Elliott channel)."""
     chance, _ = uniform_pair(stream, WATER, index)
     leave = min(1.0, time_step / water.noisy_duration)
@@ -89,7 +79,7 @@ def change_water(contact, stream, index, water, time_step):
     if enter > stay_clear:  # clear spells would be shorter than a step: one step each, and longer bursts, keep the share
         leave = stay_clear / water.noisy_share
         enter = stay_clear
-    contact.noisy = chance >= leave if contact.noisy else chance * stay_clear < enter
+    encounter.noisy = chance >= leave if encounter.noisy else chance * stay_clear < enter
 
 
 @compiled
@@ -100,60 +90,37 @@ def hearing_chance(distance, noisy, water):
 
 
 @compiled
-def hear(contact, target, distance, stream, index, water, receiver):
-    """Whether a ping is usable: a bearing needs both hydrophones, the others have one."""
+def hear(encounter, stream, index, p):
+    """Whether a ping is usable: all the sensor's hydrophones must hear it."""
     bow, stern = uniform_pair(stream, HEARING, index)
-    if receiver.kind == ReceiverKind.STEREO or receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
-        chance = hearing_chance(contact.range, contact.noisy, water)
-        return bow < chance and stern < chance
-    chance = hearing_chance(distance, contact.noisy, water)
-    if receiver.kind == ReceiverKind.PRESENCE:
-        chance *= presence_chance(distance, target.max_range, target.reception, receiver)
-    return bow < chance
+    chance = hearing_chance(encounter.distance, encounter.noisy, p.water)
+    if p.calls.chance != 0:
+        chance *= chance_at(p.calls.chance)(encounter.distance, encounter.drawn[0], encounter.drawn[1], p.sensor[:])
+    return bow < chance and (p.hydrophones == 1 or stern < chance)
 
 
 @compiled
-def count_silence(contact, last_ping, time, longest_interval):
-    """Silence tells something only when a ping was certainly due. Returns whether this step told anything, either way.
-
-    Of a tag with random intervals a vehicle knows nothing but their bounds, and of its pings only those it has heard. Any stretch
-    of ``longest_interval`` holds a ping: so one was missed for certain each time that so long has passed since the last detection
-    (whose time the receiver logs), since the last such silence, or since the episode began. What a part of such a stretch makes
-    likely is left out, as is that the ping came some while before it was certain: the silence counts where the vehicle is then.
-    """
-    contact.missed = False
-    if contact.detected:
-        contact.surely_by = last_ping + longest_interval
-    elif time >= contact.surely_by - 1e-9:
-        contact.missed = True
-        contact.surely_by += longest_interval
-    return contact.detected or contact.missed
-
-
-@compiled
-def listen(contact, vehicle, target, fish_x, fish_y, pinged, stream, index, tag, water, receiver, time, time_step):
-    """Advance the water to ``time``; hear a ping of the step before it or not; read what the receiver gives."""
-    change_water(contact, stream, index, water, time_step)
-    dx = fish_x - vehicle.x
-    dy = fish_y - vehicle.y
-    contact.range = math.sqrt(dx * dx + dy * dy)
-    distance = math.sqrt(dx * dx + dy * dy + contact.depth * contact.depth)
-    contact.pinged = pinged
-    contact.detected = pinged and hear(contact, target, distance, stream, index, water, receiver)
-    contact.missed = pinged and not contact.detected
-    contact.silence += time_step
-    told = pinged
-    if receiver.kind == ReceiverKind.PRESENCE:
-        told = count_silence(contact, target.last_ping, time, tag.period + tag.random_delay)
-    if told:
-        heard = 1.0 if contact.detected else 0.0
-        contact.heard_lately += 0.2 * (heard - contact.heard_lately)
-        contact.heard_long += 0.03 * (heard - contact.heard_long)
-    if contact.detected:
-        contact.silence = 0.0
-        if receiver.kind == ReceiverKind.STEREO:
-            read_stereo(contact, vehicle, fish_x, fish_y, stream, index, receiver)
-        elif receiver.kind == ReceiverKind.RANGE:
-            read_range(contact, distance, stream, index, receiver)
-        elif receiver.kind == ReceiverKind.TIME_OF_FLIGHT:
-            read_time_of_flight(contact, vehicle, fish_x, fish_y, distance, target, stream, index, tag, receiver)
+def listen(encounter, vehicle, navigation, target, fish_x, fish_y, pinged, measurement, v, t, stream, p, time):
+    """Advance the water to ``time``; hear a ping of the step before it or not; read what the sensor gives."""
+    index = place_of(v, t)
+    change_water(encounter, stream, index, p.water, p.time_step)
+    meet(encounter, vehicle, target, fish_x, fish_y, p.tag.period)
+    encounter.pinged = pinged
+    encounter.heard = pinged and hear(encounter, stream, index, p)
+    measurement.time = time
+    measurement.vehicle = v
+    measurement.tag = t
+    measurement.x = navigation.x
+    measurement.y = navigation.y
+    measurement.heading = navigation.heading
+    measurement.depth = encounter.depth
+    measurement.arrival = np.nan
+    for k in range(READINGS):
+        measurement.readings[k] = np.nan
+    measurement.status = Status.MISSED if pinged and p.asks else Status.NOTHING
+    if encounter.heard:
+        measurement.status = Status.HEARD
+        measurement.arrival = encounter.ping  # sound takes no time but where a sensor measures it
+        normal_1, normal_2 = normal_pair(stream, READING, 2 * index)
+        uniform_1, uniform_2 = uniform_pair(stream, READING, 2 * index + 1)
+        read_at(p.calls.read)(measurement, encounter, normal_1, normal_2, uniform_1, uniform_2, p.sensor[:])

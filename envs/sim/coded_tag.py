@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tagtrack.envs.sim.arrivals import Arrivals
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.validation import require, settle_numbers
 
 BURST = 3  # codes in a burst
 

@@ -1,43 +1,21 @@
-"""When acoustic tags ping: at a fixed period, or, lest two tags collide for ever, at random intervals (Vemco)."""
+"""When the true tags ping, and what else is true of a tagged fish for an episode."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import PING, START, uniform_pair
-from tagtrack.envs.sim.validation import require, settle_numbers
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tag:
-    """An acoustic tag that pings from a random first ping on. Of several pings within one step the last one counts."""
-
-    period: float = 2.0  # T_c [s]; the leopard shark's tags had 2 s and 5 s
-    random_delay: float = 0.0  # a further wait before each ping, uniform from 0 to this [s]; a Vemco V7: 60 s and up to 30 s
-
-    def __post_init__(self) -> None:
-        settle_numbers(self)
-        require(self.period > 0, self, "period", "positive")
-        require(self.random_delay >= 0, self, "random_delay", "at least 0")
-
-    @property
-    def longest_interval(self) -> float:
-        """Any stretch of this length [s] holds a ping for certain."""
-        return self.period + self.random_delay
-
+from tagtrack.envs.motions.motion import MEMORY
+from tagtrack.envs.sensors.sensor import DRAWS
 
 # Per tag: its first ping, its last and, where intervals are random, its next one [s] and how many there were; the depth at which
-# its fish swims [m], how far and how often a presence receiver hears it in this episode [m; share]. For a replay the row of the
-# table at which the episode begins and the one with which its stretch ends, the angle by which the track is turned and the place
-# at which the fish starts; for straight legs the time at which the next one begins [s] and how many there were.
+# its fish swims [m]; what the sensor draws for the episode (`Sensor.draws`), and what the path of the fish remembers.
 TARGET = np.dtype(
-    [(name, np.float64) for name in ("first_ping", "last_ping", "next_ping", "depth", "max_range", "reception")]
-    + [("pings", np.int64), ("start_row", np.int64), ("turn", np.float64), ("start_x", np.float64), ("start_y", np.float64)]
-    + [("end_row", np.int64), ("leg_end", np.float64), ("legs", np.int64)]
+    [(name, np.float64) for name in ("first_ping", "last_ping", "next_ping", "depth")]
+    + [("pings", np.int64), ("drawn", np.float64, (DRAWS,)), ("memory", np.float64, (MEMORY,))]
 )
 
 

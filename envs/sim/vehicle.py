@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import NAVIGATION, START, STEERING, normal_pair, uniform_pair
-from tagtrack.envs.sim.geometry import wrap_angle
-from tagtrack.envs.sim.validation import require, settle_numbers
+from tagtrack.envs.kernels.random import NAVIGATING, START, STEERING, normal_pair, uniform_pair
+from tagtrack.envs.kernels.geometry import wrap_angle
+from tagtrack.envs.validation import require, settle_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,8 @@ class Vehicle:
     max_turn_rate: float = 0.15  # [rad/s]: with the high-drag frame a circle of some 9 m at full speed
     heading_gain: float = 0.25  # P control of the heading (4.2) [1/s]
     control_interval: float = 1.0  # of the heading controller (4.2) [s]; a step is cut into so many, evenly
-    compass_sigma: float = 0.03  # [rad]
+    compass_sigma: float = 0.03  # of each reading, anew [rad]; what it does to dead reckoning is within drift_sigma
+    compass_bias: float = 0.0  # standard deviation of an error that lasts the episode, and bends dead reckoning [rad]
     fix_interval: float = 60.0  # time from one GPS fix at the surface to the next [s]; 0: always at the surface
     fix_sigma: float = 0.5  # of a GPS fix, each axis [m]
     drift_sigma: float = 0.05  # growth of the dead-reckoning error, each axis [m per sqrt(s)]
@@ -39,7 +40,7 @@ class Vehicle:
         settle_numbers(self)
         for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain", "control_interval"):
             require(getattr(self, name) > 0, self, name, "positive")
-        for name in ("compass_sigma", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
+        for name in ("compass_sigma", "compass_bias", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
         for name in ("random_current", "speed_sigma", "heading_sigma"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
@@ -51,30 +52,33 @@ class Vehicle:
         )
 
 
-# One vehicle's state. `x`, `y`, `heading`, `speed` are true; `believed_*` is the position the vehicle believes, `compass` the
-# heading it reads; `current_*` is the episode's random one; all in m, rad, m/s. `since_fix` [s].
+# The truth about one vehicle: place [m], heading [rad], speed through the water [m/s], the course it is told to hold, the time
+# since its last fix [s], the episode's random current [m/s] and the bias of its compass [rad].
 VEHICLE = np.dtype(
     [
         (name, np.float64)
-        for name in (
-            "x", "y", "heading", "speed", "believed_x", "believed_y", "compass", "since_fix", "course", "current_x", "current_y",
-        )
+        for name in ("x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias")
     ]
-)  # fmt: skip
+)
 
 
 @compiled
-def launch(vehicle, stream, index, parameters):
-    """Put a vehicle at rest at the origin of its world, on a random heading, with a fresh GPS fix."""
+def launch(vehicle, navigation, x, y, stream, index, parameters):
+    """Put a vehicle at rest at a place [m] of its world, on a random heading, with a fresh GPS fix."""
     error_x, error_y = normal_pair(stream, START, 16 * index)
     turn, compass_error = normal_pair(stream, START, 16 * index + 1)
-    vehicle.x = 0.0
-    vehicle.y = 0.0
+    vehicle.x = x
+    vehicle.y = y
     vehicle.speed = 0.0
     vehicle.heading = wrap_angle(turn * 10.0 * math.pi)  # so wide a normal is uniform on the circle
-    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * compass_error)
-    vehicle.believed_x = parameters.fix_sigma * error_x
-    vehicle.believed_y = parameters.fix_sigma * error_y
+    vehicle.compass_bias = 0.0
+    if parameters.compass_bias > 0.0:
+        bias, _ = normal_pair(stream, START, 16 * index + 9)
+        vehicle.compass_bias = parameters.compass_bias * bias
+    navigation.heading = wrap_angle(vehicle.heading + vehicle.compass_bias + parameters.compass_sigma * compass_error)
+    navigation.x = x + parameters.fix_sigma * error_x
+    navigation.y = y + parameters.fix_sigma * error_y
+    navigation.speed = 0.0
     vehicle.since_fix = 0.0
     vehicle.course = vehicle.heading
     speed, direction = uniform_pair(stream, STEERING, 0)  # one current for all vehicles; step 0 steers none
@@ -84,18 +88,18 @@ def launch(vehicle, stream, index, parameters):
 
 
 @compiled
-def hold_course(vehicle, course, speed, stream, index, parameters, time_step):
+def hold_course(vehicle, navigation, course, speed, stream, index, parameters, time_step):
     """Hold a course [rad] and a speed [m/s] for one time step, correcting at the control interval."""
     ticks = max(1, int(round(time_step / parameters.control_interval)))
     for tick in range(ticks):
-        steer(vehicle, course, speed, stream, index * ticks + tick, parameters, time_step / ticks)
+        steer(vehicle, navigation, course, speed, stream, index * ticks + tick, parameters, time_step / ticks)
 
 
 @compiled
-def steer(vehicle, course, speed, stream, index, parameters, time_step):
+def steer(vehicle, navigation, course, speed, stream, index, parameters, time_step):
     """One correction by P control towards a course [rad] and a speed [m/s]: the compass is what the controller sees."""
     vehicle.course = course
-    turn_rate = parameters.heading_gain * wrap_angle(course - vehicle.compass)
+    turn_rate = parameters.heading_gain * wrap_angle(course - navigation.heading)
     turn_rate = min(max(turn_rate, -parameters.max_turn_rate), parameters.max_turn_rate)
     change = parameters.acceleration * time_step
     vehicle.speed += min(max(speed - vehicle.speed, -change), change)
@@ -114,21 +118,26 @@ def steer(vehicle, course, speed, stream, index, parameters, time_step):
     vehicle.x += chord * math.cos(middle) + drift_x
     vehicle.y += chord * math.sin(middle) + drift_y
     vehicle.heading = wrap_angle(vehicle.heading + turn)
-    navigate(vehicle, chord * math.cos(middle), chord * math.sin(middle), stream, index, parameters, time_step)
+    moved_x, moved_y = chord * math.cos(middle), chord * math.sin(middle)
+    if vehicle.compass_bias != 0.0:  # the way through the water, as the compass has it
+        reckoned = middle + vehicle.compass_bias
+        moved_x, moved_y = chord * math.cos(reckoned), chord * math.sin(reckoned)
+    navigate(vehicle, navigation, moved_x, moved_y, stream, index, parameters, time_step)
 
 
 @compiled
-def navigate(vehicle, moved_x, moved_y, stream, index, parameters, time_step):
+def navigate(vehicle, navigation, moved_x, moved_y, stream, index, parameters, time_step):
     """What the vehicle believes: a GPS fix when it is due, dead reckoning through the water (blind to the current) between."""
-    noise_x, noise_y = normal_pair(stream, NAVIGATION, 2 * index)
+    noise_x, noise_y = normal_pair(stream, NAVIGATING, 2 * index)
     vehicle.since_fix += time_step
     if vehicle.since_fix >= parameters.fix_interval:
         vehicle.since_fix = 0.0
-        vehicle.believed_x = vehicle.x + parameters.fix_sigma * noise_x
-        vehicle.believed_y = vehicle.y + parameters.fix_sigma * noise_y
+        navigation.x = vehicle.x + parameters.fix_sigma * noise_x
+        navigation.y = vehicle.y + parameters.fix_sigma * noise_y
     else:
         growth = parameters.drift_sigma * math.sqrt(time_step)
-        vehicle.believed_x += moved_x + growth * noise_x
-        vehicle.believed_y += moved_y + growth * noise_y
-    compass_noise, _ = normal_pair(stream, NAVIGATION, 2 * index + 1)
-    vehicle.compass = wrap_angle(vehicle.heading + parameters.compass_sigma * compass_noise)
+        navigation.x += moved_x + growth * noise_x
+        navigation.y += moved_y + growth * noise_y
+    compass_noise, _ = normal_pair(stream, NAVIGATING, 2 * index + 1)
+    navigation.heading = wrap_angle(vehicle.heading + vehicle.compass_bias + parameters.compass_sigma * compass_noise)
+    navigation.speed = vehicle.speed

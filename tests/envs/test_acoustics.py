@@ -16,7 +16,7 @@ from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.kernels.weight_loops import bearing_units
 from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
-from tagtrack.envs.sim.geometry import relative_bearing, wrap_angle
+from tagtrack.envs.kernels.geometry import relative_bearing, wrap_angle
 from tagtrack.envs.sim.motion import BrownianWalk
 from tagtrack.envs.sim.readings import bearing_in_units, expected_strength
 from tagtrack.envs.sim.receivers import StereoHydrophone

@@ -8,15 +8,73 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.calling import Native, native
 from tagtrack.envs.kernels.random import TRACK, uniform_pair
-from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.tracks import Track, find_unbroken
+from tagtrack.envs.motions.motion import BEGIN, FOLLOW, Path
+from tagtrack.envs.motions.tracks import LONGEST_GAP, Track, find_unbroken
+from tagtrack.envs.validation import require, settle_numbers
+
+START_ROW, END_ROW, TURN, START_X, START_Y = range(5)  # places in the memory: rows of the table, the track's turn [rad], a place [m]
+
+
+@native(BEGIN)
+def begin(fish, memory, key_0, key_1, episode, tag, parameters, positions, last, episode_steps):
+    """Choose the stretch of the track and the angle by which it is turned; the fish stands at its starting place."""
+    place, turn = uniform_pair((key_0, key_1, episode, np.uint64(0)), TRACK, tag)
+    # The last episode_steps rows of each stretch begin no episode: count those that do, and pass over the others.
+    row = int(place * (positions.shape[0] - last.shape[0] * episode_steps))
+    stretch = 0
+    while row + episode_steps > last[stretch]:
+        row += episode_steps
+        stretch += 1
+    memory[START_ROW] = row
+    memory[END_ROW] = last[stretch]
+    memory[TURN] = 2.0 * math.pi * turn
+    memory[START_X] = np.float64(fish[0, 0])
+    memory[START_Y] = np.float64(fish[1, 0])
+
+
+@native(FOLLOW)
+def follow(fish, memory, key_0, key_1, episode, tag, parameters, positions, last, step, time_step):
+    """Put the fish where the turned track has it after ``step`` steps; beyond the end of its stretch it rests."""
+    start = int(memory[START_ROW])
+    row = min(start + step, int(memory[END_ROW]))
+    dx = positions[row, 0] - positions[start, 0]
+    dy = positions[row, 1] - positions[start, 1]
+    x = memory[START_X] + math.cos(memory[TURN]) * dx - math.sin(memory[TURN]) * dy
+    y = memory[START_Y] + math.sin(memory[TURN]) * dx + math.cos(memory[TURN]) * dy
+    step_x = x - np.float64(fish[0, 0])
+    step_y = y - np.float64(fish[1, 0])
+    fish[0, 0] = x
+    fish[1, 0] = y
+    if step_x != 0.0 or step_y != 0.0:
+        fish[2, 0] = math.atan2(step_y, step_x)
+    fish[3, 0] = math.sqrt(step_x * step_x + step_y * step_y) / time_step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay(Path):
+    """Recorded tracks move the true fish; never a model for particles.
+
+    Each episode takes a random stretch of a track, turned by a random angle.
+    """
+
+    time_scale: float = 1.0  # 0.5 lets an animal swim its track at half the recorded speed
+    longest_gap: float = LONGEST_GAP  # between two rows of a track [s]; a longer one cuts it, and no episode crosses a cut
+    name: ClassVar[str] = "replay"
+    begin: ClassVar[Native] = begin
+    follow: ClassVar[Native] = follow
+
+    def __post_init__(self) -> None:
+        settle_numbers(self)
+        for name in ("time_scale", "longest_gap"):
+            require(getattr(self, name) > 0, self, name, "positive")
 
 
 class TrackTable(NamedTuple):
@@ -75,37 +133,3 @@ def resample_track(track: Track, step: float) -> np.ndarray:
 
 def _count_rows(track: Track, step: float) -> int:
     return int((track.time[-1] - track.time[0]) / step + 1e-9) + 1  # a whole number of steps may fall short by rounding
-
-
-@compiled
-def begin_replay(target, fish, stream, t, table, episode_steps):
-    """Choose the stretch of the track and the angle by which it is turned; the fish stands at its starting place."""
-    place, turn = uniform_pair(stream, TRACK, t)
-    # The last episode_steps rows of each stretch begin no episode: count those that do, and pass over the others.
-    row = int(place * (table.position.shape[0] - table.last.shape[0] * episode_steps))
-    stretch = 0
-    while row + episode_steps > table.last[stretch]:
-        row += episode_steps
-        stretch += 1
-    target.start_row = row
-    target.end_row = table.last[stretch]
-    target.turn = 2.0 * math.pi * turn
-    target.start_x = np.float64(fish[0, 0])
-    target.start_y = np.float64(fish[1, 0])
-
-
-@compiled
-def follow_track(target, fish, position, step, time_step):
-    """Put the fish (4, 1) where the turned track has it after ``step`` steps; beyond the end of its stretch it rests."""
-    row = min(target.start_row + step, target.end_row)
-    dx = position[row, 0] - position[target.start_row, 0]
-    dy = position[row, 1] - position[target.start_row, 1]
-    x = target.start_x + math.cos(target.turn) * dx - math.sin(target.turn) * dy
-    y = target.start_y + math.sin(target.turn) * dx + math.cos(target.turn) * dy
-    step_x = x - np.float64(fish[0, 0])
-    step_y = y - np.float64(fish[1, 0])
-    fish[0, 0] = x
-    fish[1, 0] = y
-    if step_x != 0.0 or step_y != 0.0:
-        fish[2, 0] = math.atan2(step_y, step_x)
-    fish[3, 0] = math.sqrt(step_x * step_x + step_y * step_y) / time_step

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tagtrack.envs.sim.csv_table import CsvTable, open_csv
+from tagtrack.envs.csv_table import CsvTable, open_csv
 
 COLUMNS = ("t_unix_s", "x", "y")
 TAG_COLUMN = "tag"
