@@ -15,7 +15,6 @@ import numpy as np
 
 from tagtrack.envs.belief.recovery import Recovery
 from tagtrack.envs.belief.renewal import spread_reach, walk_reach
-from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP
 from tagtrack.envs.belief.weighing import Measurements, Weighting
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
@@ -59,7 +58,8 @@ class Belief:
     receiver: Receiver = field(default_factory=StereoHydrophone)
     weighting: Weighting = Weighting.BEARING
     measurements: Measurements = Measurements.BOTH  # of a time-of-flight receiver
-    largest_jump: float = LARGEST_JUMP  # from one time-of-flight range to the next [m]; a ping beyond is not used
+    # Delta d_max of Lin et al. 2013, Alg. 1: from one time-of-flight range to the next [m]; a ping beyond is not used.
+    largest_jump: float = 50.0
     estimate: Estimate = Estimate.MEAN
     weight_floor: float = 0.001  # of Eqs. 6, 9, 10
     # Whether presence is weighed by a Cauchy distribution, as in the published code of Masmitja, in place of Eq. 22's normal one.

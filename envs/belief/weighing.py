@@ -45,7 +45,7 @@ class Measurements(enum.IntEnum):
 def is_valid(contact, rule):
     """Whether a ping is used: where ranges are, one that jumps from the range heard before is not (Lin et al. 2013, Alg. 1).
 
-    Its bearing goes with it. See ``time_of_flight.gate_range``; the first range, with none before it, passes.
+    Its bearing goes with it. The first range, with none before it, passes.
     """
     if rule.receiver.kind != ReceiverKind.TIME_OF_FLIGHT or rule.measurements == Measurements.ANGLE:
         return True

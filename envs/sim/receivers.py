@@ -15,7 +15,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
 from tagtrack.envs.sim.validation import require, settle_numbers
 
@@ -100,10 +99,10 @@ class TimeOfFlightReceiver:
     # Since t_0 was set [h]; the paper's ranges were good after four. What the clock is off by then is drawn for each episode:
     # 1.5 and 8 m in 22 h (V.C) are 5.8 m root mean square. Within an episode it grows by no more than 0.1 m, which is left out.
     hours_since_calibration: float = 4.0
-    wander: float = CodedTag.wander  # of the clocks' rate [s/s per root s]
-    tick: float = CodeReceiver.tick  # of the clock that counts arrivals [s]
-    misread: float = CodeReceiver.misread  # share of the codes that are read as the one before them (Table I)
-    code_spacing: float = CodedTag.code_spacing  # between the codes of a burst [s]: 73 m
+    wander: float = 3e-10  # of the clocks' rate [s/s per root s]: what that drift amounts to (V.C)
+    tick: float = 1 / 4800  # of the clock that counts arrivals [s]: every difference of Table I is a multiple
+    misread: float = 0.0026  # share of the codes that are read as the one before them (Table I: 4 of 1546)
+    code_spacing: float = 0.04876  # between the codes of a burst [s] (Table I: 0.04875 and 0.04896): 73 m
     kind: ClassVar[ReceiverKind] = ReceiverKind.TIME_OF_FLIGHT
 
     def __post_init__(self) -> None:

@@ -11,7 +11,6 @@ import pytest
 from scipy import stats
 
 from tagtrack.envs.belief.filter import Belief, filter_rule, make_scratch
-from tagtrack.envs.belief.time_of_flight import TagClock, gate_range, time_of_flight_range
 from tagtrack.envs.belief.weighing import Measurements, begin_weights, is_valid, weigh
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
@@ -21,6 +20,7 @@ from tagtrack.envs.sim.readings import bearing_in_units
 from tagtrack.envs.sim.receivers import TimeOfFlightReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
+from tagtrack.eval.field.time_of_flight import TagClock, gate_range, time_of_flight_range
 
 TASK = SCENARIOS["TagTrack/TimeOfFlight-v0"]
 SPEED, ERRORS = 1500.0, 4.0
