@@ -10,7 +10,7 @@ import numpy as np
 
 from tagtrack.envs.belief.filter import BELIEF, make_scratch
 from tagtrack.envs.belief.summary import covariance
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.action_loops import find_broken_action
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.observation import Feature, action_names, features
 from tagtrack.envs.scenario import REWARD_TERMS, Scenario
@@ -190,17 +190,6 @@ class Simulation:
         """End the threads."""
         self._workers.close()
         self.threads = 1
-
-
-@compiled
-def find_broken_action(actions):
-    """The first world with a NaN or an infinity among its actions (B, V, A); -1 if there is none."""
-    for b in range(actions.shape[0]):
-        for v in range(actions.shape[1]):
-            for a in range(actions.shape[2]):
-                if not np.isfinite(actions[b, v, a]):
-                    return b
-    return -1
 
 
 def _bind(kernel: Any, *arguments: Any) -> Any:
