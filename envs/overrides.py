@@ -36,6 +36,11 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario
             enumeration by its member's.
     Raises:
         ValueError: for an unknown name or a value out of range, naming both.
+
+    >>> from tagtrack.envs.scenario import find_scenario
+    >>> changed = with_overrides(find_scenario("LeopardShark-v0"), {"vehicle.max_speed": 1.5, "belief.motion": "levy"})
+    >>> changed.vehicle.max_speed, type(changed.belief.motion).__name__
+    (1.5, 'LevyFlight')
     """
     return _override(scenario, [(name, name.split("."), value) for name, value in overrides.items()], scenario)
 

@@ -121,6 +121,9 @@ def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str
 
     Raises:
         ValueError: for a text without name or value and for a name set twice.
+
+    >>> parse_overrides(["water.noisy_share=0.3"], motion="levy")
+    {'water.noisy_share': '0.3', 'fish': 'levy'}
     """
     overrides: dict[str, str] = {}
     for text in texts:
