@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.observation import SCALES, SILENCE_SCALE, feature_names
+from tagtrack.envs.layout import feature_names
+from tagtrack.envs.observation import SCALES, SILENCE_SCALE
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.validation import require, settle_numbers
 from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.validation import require, settle_numbers
 
 
 class Sighting(NamedTuple):

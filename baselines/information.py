@@ -15,9 +15,9 @@ import numpy as np
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
-from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
-from tagtrack.envs.validation import require
+from tagtrack.envs.sensors import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
 from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.validation import require
 
 INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any information
 

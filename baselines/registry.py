@@ -13,7 +13,7 @@ from tagtrack.baselines.information import Information
 from tagtrack.baselines.simple import Pursuit, Random, Stationary
 from tagtrack.baselines.three_step import ThreeStep
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.receivers import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
+from tagtrack.envs.sensors import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
 from tagtrack.envs.simulation import Simulation
 
 BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(

@@ -8,6 +8,8 @@ remembers (``LISTENER``) follows from measurements alone.
 from __future__ import annotations
 
 import enum
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -44,3 +46,28 @@ LISTENER = np.dtype(
     + [(name, np.float64) for name in ("silence", "arrival", "surely_by", "heard_lately", "heard_long", "depth")]
     + [("readings", np.float64, (READINGS,)), ("previous", np.float64, (READINGS,))]
 )
+
+
+def measurement(
+    *,
+    time: float,
+    x: float,
+    y: float,
+    heading: float = 0.0,
+    vehicle: int = 0,
+    tag: int = 0,
+    depth: float = 0.0,
+    status: Status = Status.HEARD,
+    arrival: float = math.nan,
+    readings: Sequence[float] = (),
+) -> np.ndarray:
+    """One measurement, (1,) of ``MEASUREMENT``; ``np.concatenate`` joins several. Units are those of the fields."""
+    if len(readings) > READINGS:
+        raise ValueError(f"a measurement holds at most {READINGS} readings, got {len(readings)}")
+    row = np.zeros(1, MEASUREMENT)
+    values = (time, vehicle, tag, int(status), x, y, heading, depth, arrival)
+    for name, value in zip(MEASUREMENT.names or (), values, strict=False):
+        row[name] = value
+    row["readings"] = np.nan
+    row["readings"][0, : len(readings)] = readings
+    return row

@@ -50,6 +50,11 @@ def with_overrides(scenario: Scenario, overrides: Mapping[str, Any]) -> Scenario
             filter's (``BELIEFS``), an enumeration by its member's; any model, a term for ``reward.own`` too, by MODULE:CLASS.
     Raises:
         ValueError: for an unknown name, a value out of range, or a parameter that nobody reads, naming it.
+
+    >>> from tagtrack.envs.scenario import find_scenario
+    >>> changed = with_overrides(find_scenario("LeopardShark-v0"), {"vehicle.max_speed": 1.5, "belief.motion": "levy"})
+    >>> changed.vehicle.max_speed, type(changed.belief.motion).__name__
+    (1.5, 'LevyFlight')
     """
     changed = _override(scenario, [(name, name.split("."), value) for name, value in overrides.items()], scenario)
     for name in overrides:

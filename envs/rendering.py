@@ -26,8 +26,9 @@ from tagtrack.envs.legend import (
     Legend,
     paint_shape,
 )
-from tagtrack.envs.sim.readings import bearing_in_units
-from tagtrack.envs.sim.receivers import ReceiverKind, StereoHydrophone, TimeOfFlightReceiver
+from tagtrack.envs.sensors import StereoHydrophone, TimeOfFlightReceiver
+from tagtrack.envs.sensors.bearing import bearing_in_units
+from tagtrack.envs.sim.receivers import ReceiverKind
 from tagtrack.envs.simulation import Simulation
 
 FRAMES_PER_SECOND = 20

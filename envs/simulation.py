@@ -13,11 +13,12 @@ from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.feature import Feature
 from tagtrack.envs.kernels.action_loops import find_broken_action
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.layout import action_names, features
 from tagtrack.envs.measurement import LISTENER, MEASUREMENT, NAVIGATION, Status
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import NO_TRACKS, TrackTable, make_table
 from tagtrack.envs.motions.tracks import Track
-from tagtrack.envs.observation import OUTLOOK, action_names, features
+from tagtrack.envs.observation import OUTLOOK
 from tagtrack.envs.rewards.term import OUTCOME
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors.sensor import ENCOUNTER

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 
-from tagtrack.envs.belief.filter import BELIEF
+from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.scenario import REWARD_TERMS, Scenario
 from tagtrack.envs.sim.acoustics import CONTACT

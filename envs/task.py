@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium.spaces import Box
 
-from tagtrack.envs.observation import action_names, features
-from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.presets import find_preset
-from tagtrack.envs.scenario import Scenario, find_scenario
+from tagtrack.envs.layout import action_names, features
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import find_stretches
 from tagtrack.envs.motions.tracks import Track, read_tracks
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.presets import find_preset
+from tagtrack.envs.scenario import Scenario, find_scenario
 
 
 class Task(NamedTuple):
@@ -121,6 +121,9 @@ def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str
 
     Raises:
         ValueError: for a text without name or value and for a name set twice.
+
+    >>> parse_overrides(["water.noisy_share=0.3"], motion="levy")
+    {'water.noisy_share': '0.3', 'fish': 'levy'}
     """
     overrides: dict[str, str] = {}
     for text in texts:

@@ -19,7 +19,7 @@ from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, pr
 from tagtrack.envs.belief.summary import summarize
 from tagtrack.envs.kernels.calling import ROW
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, place_of, uniform_pair
+from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, place_of, stream_of, uniform_pair
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, swim
 from tagtrack.envs.observation import OWN_COUNT, begin_outlook, decode_action, look, look_to_port, observe_own, observe_tag
@@ -59,13 +59,6 @@ class Outputs(NamedTuple):
 
 
 TRUTH = ("vehicles", "targets", "fish", "encounters")  # what the belief's half of a step must not read
-
-
-@compiled
-def stream_of(clock):
-    """The words that key all draws of one step of one world."""
-    seed = clock.seed
-    return seed & np.uint64(0xFFFFFFFF), seed >> np.uint64(32), clock.episode, np.uint64(clock.step)
 
 
 @compiled

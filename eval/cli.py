@@ -10,8 +10,8 @@ import tyro
 
 from tagtrack.eval.array.command import Array
 from tagtrack.eval.benchmark import Benchmark
-from tagtrack.eval.calibrate import Calibrate
 from tagtrack.eval.check_consistency import Consistency
+from tagtrack.eval.field.calibrate import Calibrate
 from tagtrack.eval.papers.command import Papers
 from tagtrack.eval.speed import Speed
 from tagtrack.eval.tradeoff import Tradeoff

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from tagtrack.baselines.registry import BASELINES, make_baseline
-from tagtrack.envs.observation import action_names, feature_names
+from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task

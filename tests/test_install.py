@@ -47,10 +47,15 @@ def test_import_loads_nothing_heavy(run_python: Callable[..., str]) -> None:
 
 
 def test_environments_and_heuristics_need_no_torch(run_python: Callable[..., str]) -> None:
-    code = "import sys, tagtrack.envs.single, tagtrack.envs.vector, tagtrack.baselines; print(*sys.modules)"
+    code = "import sys, tagtrack.envs.single, tagtrack.envs.vector, tagtrack.baselines.registry; print(*sys.modules)"
     loaded = set(run_python(code).split())
-    assert "tagtrack.envs.single" in loaded
+    assert {"tagtrack.envs.single", "tagtrack.baselines.reading_tables"} <= loaded
     assert not loaded & {"torch", "stable_baselines3", "matplotlib", "pygame"}
+
+
+def test_policies_and_heuristics_load_on_a_vehicle_without_scipy(run_python: Callable[..., str]) -> None:
+    code = "import sys; sys.modules['scipy'] = None\nimport tagtrack.baselines.registry, tagtrack.policies.files, tagtrack.envs"
+    assert run_python(code) == ""
 
 
 @pytest.mark.parametrize("env_id", IDS)

@@ -72,7 +72,13 @@ def reference_pairs(receivers: int, reference: int = 0) -> Pairs:
 
 
 def differences(arrival: ArrayLike, pairs: Pairs) -> Floats:
-    """Time differences of arrival (..., m) [s], mu^ij = arrival_i - arrival_j (Eq. 1); NaN where either was not heard."""
+    """Time differences of arrival (..., m) [s], mu^ij = arrival_i - arrival_j (Eq. 1); NaN where either was not heard.
+
+    >>> differences([5.0, 5.25, float("nan")], full_pairs(3))
+    array([-0.25,   nan,   nan])
+    >>> differences([5.0, 5.25, 6.0], reference_pairs(3))
+    array([0.25, 1.  ])
+    """
     value = np.asarray(arrival, dtype=np.float64)
     return value[..., pairs[:, 0]] - value[..., pairs[:, 1]]
 

@@ -107,6 +107,7 @@ def predict_row(particles, belief, listeners, stream, row, rule, time_step, scra
     belief.velocity_y += share * (np.float64(step_y) / time_step - belief.velocity_y)
     for v in range(listeners.shape[0]):
         listeners[v].silence += time_step
+        listeners[v].status = Status.NOTHING
 
 
 @compiled
@@ -118,7 +119,6 @@ def correct_row(particles, belief, measurements, listeners, stream, row, rule, s
     ringing = -1  # vehicle with the shortest range
     for v in range(measurements.shape[0]):
         if measurements[v].status == Status.ABSENT:
-            listeners[v].status = Status.NOTHING
             continue
         note(listeners[v], measurements[v], rule.longest_interval)
         if is_told(listeners[v], rule):

@@ -1,16 +1,19 @@
-"""How the kernels are compiled: one decorator, one cache that knows when any source changed, one message to the user.
+"""How the kernels are compiled: one decorator, one cache that knows when a source of theirs changed, one message to the user.
 
 Numba keys its cache on the file of the compiled function alone, so a change in a function that it *calls*, in another file,
-would be missed and old code would run in silence. Our cache locator stamps each entry with a hash over all sources of this
-package instead.
+would be missed and old code would run in silence. Our cache locator stamps each entry with a hash over all files of this package
+that compiled code is made from: those that hold kernels, and what they import. One stamp serves all, since a kernel also depends
+on files that it does not import: on the order of the fields of a named tuple that it is handed. Such a class belongs beside the
+kernels that fill it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,13 +28,47 @@ PACKAGE = Path(__file__).resolve().parents[1]  # the folder of tagtrack.envs
 FAST_MATHS = {"contract", "reassoc", "nsz", "arcp"}
 
 
+# What a kernel and an import within the package look like. To search the text takes a tenth of the time that parsing it would
+# take at each start; tests/envs/test_compiling.py holds both against Python's own parser.
+_KERNEL = re.compile(rb"^[ \t]*@(?:compiled|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b", re.MULTILINE)
+_IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+tagtrack\.envs\b([\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
+
+
+def compiled_sources(package: Path) -> dict[str, bytes]:
+    """Content of the files that hold kernels and of what these import, directly or through others, by path within the package."""
+    content = {path.relative_to(package).as_posix(): path.read_bytes() for path in package.rglob("*.py")}
+    found: set[str] = set()
+    waiting = [name for name, text in content.items() if _KERNEL.search(text)]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting += [imported for imported in _imported_files(content[name]) if imported in content]
+    return {name: content[name] for name in sorted(found)}
+
+
+def _imported_files(text: bytes) -> Iterator[str]:
+    """Where the modules that a file imports would lie; of ``from a import b``, b may be a module as well as a name within a."""
+    for module, names in _IMPORT.findall(text):
+        parts = module.decode().split(".")[1:]
+        for path in (parts, *([*parts, name.decode()] for name in re.findall(rb"\w+", names))):
+            yield "/".join([*path, "__init__.py"])
+            if path:
+                yield "/".join(path) + ".py"
+
+
+def stamp_sources(package: Path) -> str:
+    """Hash over the names and contents of ``compiled_sources``: compiled code is valid only for exactly these."""
+    digest = hashlib.sha256()
+    for name, text in compiled_sources(package).items():
+        digest.update(name.encode() + b"\0" + text + b"\0")
+    return digest.hexdigest()[:16]
+
+
 @lru_cache(maxsize=1)
 def source_stamp() -> str:
-    """Hash over every source file of ``tagtrack.envs``: the compiled code is valid only for exactly these."""
-    digest = hashlib.sha256()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        digest.update(str(path.relative_to(PACKAGE)).encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]
+    """That of this package, as it was when the first kernel asked."""
+    return stamp_sources(PACKAGE)
 
 
 FOREIGN = "_tagtrack_model"  # marks functions outside this package that are compiled over its kernels
@@ -48,9 +85,11 @@ class SourceStampedCache(_CacheLocator):
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._py_func = py_func
         self._lineno = py_func.__code__.co_firstlineno
-        own = PACKAGE in Path(py_file).resolve().parents
-        self._foreign = None if own else Path(py_file)
-        beside = (PACKAGE if own else Path(py_file).resolve().parent) / "__pycache__"
+        path = Path(py_file).resolve()
+        own = PACKAGE in path.parents
+        self._foreign = None if own else path
+        self._relative = "-".join(path.relative_to(PACKAGE).with_suffix("").parts) if own else ""
+        beside = (PACKAGE if own else path.parent) / "__pycache__"
         if os.environ.get("NUMBA_CACHE_DIR"):
             self._folder = Path(os.environ["NUMBA_CACHE_DIR"]) / "tagtrack"
         elif _is_writable(beside):
@@ -68,7 +107,7 @@ class SourceStampedCache(_CacheLocator):
         return source_stamp() + hashlib.sha256(self._foreign.read_bytes()).hexdigest()[:16]
 
     def get_disambiguator(self) -> str:
-        return str(self._lineno)
+        return f"{self._relative}-{self._lineno}"  # two rooms may have files and functions of one name
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> SourceStampedCache | None:

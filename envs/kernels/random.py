@@ -51,6 +51,13 @@ def philox(c0, c1, c2, c3, k0, k1, rounds):
 
 
 @compiled
+def stream_of(clock):
+    """The words that key all draws of one step: of the ``seed``, ``episode`` and ``step`` of a clock."""
+    seed = clock.seed
+    return seed & np.uint64(0xFFFFFFFF), seed >> np.uint64(32), clock.episode, np.uint64(clock.step)
+
+
+@compiled
 def place_of(vehicle, tag):
     """The number of a pair among the draws of a world."""
     return vehicle * MOST + tag

@@ -12,7 +12,18 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from tagtrack.envs.feature import Feature, Scale
-from tagtrack.envs.kernels.calling import Native, Signature, nothing, number, numbers, record_of, require_functions, rows, single, singles
+from tagtrack.envs.kernels.calling import (
+    Native,
+    Signature,
+    nothing,
+    number,
+    numbers,
+    record_of,
+    require_functions,
+    rows,
+    single,
+    singles,
+)
 from tagtrack.envs.measurement import LISTENER, MEASUREMENT
 from tagtrack.envs.model import Model
 
@@ -150,6 +161,11 @@ class Sensor(Model):
         return ()
 
     # The belief's side.
+
+    @property
+    def weighed(self) -> tuple[int, ...]:
+        """Places of the readings that a belief scores a ping by: they must be there."""
+        return tuple(range(len(self.readings)))
 
     @property
     def weighs_silence(self) -> bool:

@@ -166,6 +166,10 @@ class StereoHydrophone(Sensor):
             unread["bearing_sigma"] = "its weighting is by strength alone"
         return unread
 
+    @property
+    def weighed(self) -> tuple[int, ...]:
+        return {Weighting.BEARING: (UNITS,), Weighting.STRENGTH: (STRENGTH,)}.get(self.weighting, (UNITS, STRENGTH))
+
     def features(self, scale: Scale) -> tuple[Feature, ...]:
         return (
             LAST_UNITS,

@@ -154,6 +154,10 @@ class TimeOfFlightReceiver(Sensor):
         return self.wander * math.sqrt((3600.0 * self.hours_since_calibration) ** 3 / 3.0)
 
     @property
+    def weighed(self) -> tuple[int, ...]:
+        return {Measurements.ANGLE: (UNITS,), Measurements.DISTANCE: (SLANT_RANGE,)}.get(self.measurements, (UNITS, SLANT_RANGE))
+
+    @property
     def gate(self) -> Gate | None:
         """Alg. 1: of a ping whose range jumps the bearing goes with it."""
         return None if self.measurements == Measurements.ANGLE else Gate(reading=SLANT_RANGE, largest_jump=self.largest_jump)

@@ -27,6 +27,13 @@ def sound_speed(temperature: ArrayLike, salinity: ArrayLike, depth: ArrayLike) -
         Speed [m/s], in their common shape; NaN where one of them is.
     Raises:
         ValueError: for a value outside the range of the formula (brackish or icy water: give the speed itself).
+
+    The check value that goes with the formula, and what a sensor of the temperature is worth near the surface:
+
+    >>> round(float(sound_speed(25.0, 35.0, 1000.0)), 3)
+    1550.744
+    >>> sound_speed([10.0, 20.0], 35.0, 5.0).round(1)
+    array([1489.9, 1521.5])
     """
     t = _within(temperature, TEMPERATURES, "temperature", "degrees Celsius")
     s = _within(salinity, SALINITIES, "salinity", "parts per thousand") - 35.0

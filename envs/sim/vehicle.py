@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import NAVIGATING, START, STEERING, normal_pair, uniform_pair
 from tagtrack.envs.kernels.geometry import wrap_angle
+from tagtrack.envs.kernels.random import NAVIGATING, START, STEERING, normal_pair, uniform_pair
 from tagtrack.envs.validation import require, settle_numbers
 
 

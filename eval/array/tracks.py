@@ -13,7 +13,7 @@ import tyro
 
 from tagtrack.baselines.static_array.model import Floats
 from tagtrack.baselines.static_array.smoothing import SmoothTrack, choose_walk, smooth
-from tagtrack.envs.sim.tracks import Track, find_unbroken, split_tracks
+from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
 from tagtrack.eval.array.locating import Located, LocateOptions
 from tagtrack.eval.array.maps import Cloud, plot_map
 from tagtrack.eval.plots import save_figure

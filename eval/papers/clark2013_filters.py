@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from scipy.stats import spearmanr
 
-from tagtrack.envs.belief.filter import FILTERS, Belief
+from tagtrack.envs.belief.assumptions import FILTERS, Belief
 from tagtrack.envs.belief.refilter import Recording, refilter
-from tagtrack.envs.sim.motion import BrownianWalk, LevyFlight, StraightAndIdle
+from tagtrack.envs.motions import BrownianWalk, LevyFlight, StraightAndIdle
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.clark2013_twin import OFFLINE_SECONDS, TIME_STEP, moving_scenario, printed_filter, record_missions
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row

@@ -10,9 +10,9 @@ import numpy as np
 
 from tagtrack.envs.belief.refilter import Recording
 from tagtrack.envs.belief.summary import covariance
+from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.motion import MomentumRandomWalk
-from tagtrack.envs.sim.receivers import StereoHydrophone
+from tagtrack.envs.sensors import StereoHydrophone
 from tagtrack.eval.consistency import TABLE_II, table_ii_proportions
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.clark2013_twin import (

@@ -13,11 +13,11 @@ from itertools import pairwise
 import numpy as np
 
 from tagtrack.baselines.registry import make_baseline
-from tagtrack.envs.belief.filter import FILTERS, Belief
+from tagtrack.envs.belief.assumptions import FILTERS, Belief
 from tagtrack.envs.belief.refilter import Recording
+from tagtrack.envs.motions import MomentumRandomWalk, StraightAndIdle
 from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.motion import MomentumRandomWalk, StraightAndIdle
 from tagtrack.envs.simulation import Simulation
 
 TIME_STEP = 1.0  # [s]: the control loop's (4.2), so that each step of Algs. 2 to 4 is one of ours

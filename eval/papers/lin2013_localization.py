@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import Recovery
 from tagtrack.envs.belief.refilter import Recording, refilter
-from tagtrack.envs.belief.weighing import Measurements
+from tagtrack.envs.motions import StraightAndIdle
 from tagtrack.envs.scenario import TIME_OF_FLIGHT, Scenario
-from tagtrack.envs.sim.motion import StraightAndIdle
+from tagtrack.envs.sensors import Measurements
 from tagtrack.eval.papers.clark2013_twin import TIME_STEP, printed_filter, record_missions
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.lin2013_ranging import ACTIVE_SECONDS, BOAT

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tagtrack.baselines.registry import make_baseline
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import Recovery, SecondResampling
-from tagtrack.envs.belief.weighing import Measurements
 from tagtrack.envs.scenario import TIME_OF_FLIGHT
+from tagtrack.envs.sensors import Measurements
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.lin2013_twin import Floats

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from tagtrack.envs.belief.calibration import calibrate
-from tagtrack.envs.belief.time_of_flight import TagClock
-from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
+from tagtrack.eval.field.calibration import calibrate
+from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
+from tagtrack.eval.field.time_of_flight import TagClock
 
 CODE = 117  # of both tags
 TAGS = {

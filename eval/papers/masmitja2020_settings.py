@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagtrack.envs.belief.filter import AOTT, Belief
+from tagtrack.envs.belief.assumptions import AOTT, Belief
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.masmitja2020_twin import (

@@ -13,14 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from tagtrack.baselines.registry import make_baseline
-from tagtrack.envs.belief.filter import AOTT, Belief
+from tagtrack.envs.belief.assumptions import AOTT, Belief
+from tagtrack.envs.motions import MomentumRandomWalk, StraightLegs
 from tagtrack.envs.scenario import Scenario, Start
+from tagtrack.envs.sensors import PresenceReceiver
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.legs import StraightLegs
-from tagtrack.envs.sim.motion import MomentumRandomWalk
-from tagtrack.envs.sim.receivers import PresenceReceiver
-from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.tag import Tag
 from tagtrack.envs.task import Task
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.frame import Setting

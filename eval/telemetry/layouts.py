@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tagtrack.baselines.static_array.detections import Codes, Floats
-from tagtrack.envs.sim.csv_table import CsvTable, open_csv, printable_name, shown
+from tagtrack.envs.csv_table import CsvTable, open_csv, printable_name, shown
 
 LATEST = 1e11  # s since 1970: later times (year 5138) are in another unit
 BLOCK = 1 << 16  # rows read at a time: some 20 MB as text

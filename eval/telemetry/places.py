@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from tagtrack.baselines.static_array.detections import Floats, shorten
 from tagtrack.baselines.static_array.travel import SyncTag
-from tagtrack.envs.sim.csv_table import CsvTable, Row, open_csv
-from tagtrack.envs.sim.tracks import Track, collect_tracks
+from tagtrack.envs.csv_table import CsvTable, Row, open_csv
+from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.telemetry.plane import Plane, check_geodetic, degree_columns, position_columns
 
 Pair = tuple[str, str]

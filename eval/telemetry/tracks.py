@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from tagtrack.baselines.static_array.detections import Floats
-from tagtrack.envs.sim.csv_table import open_csv
-from tagtrack.envs.sim.tracks import Track, collect_tracks
+from tagtrack.envs.csv_table import open_csv
+from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.telemetry.detections import replace_csv
 from tagtrack.eval.telemetry.plane import Plane, position_columns
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tagtrack.envs.observation import LENGTH, SILENCE_SCALE, feature_names
+from tagtrack.envs.layout import feature_names
+from tagtrack.envs.observation import LENGTH, SILENCE_SCALE
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import find_scenario
 from tagtrack.envs.simulation import Simulation

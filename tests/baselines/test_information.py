@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from tagtrack.baselines.information import Information, expect_track
 from tagtrack.baselines.information_loops import add_up_information
-from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.baselines.reading_tables import normal_cdf, tabulate_chance, tabulate_likelihood
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
@@ -55,6 +56,12 @@ def test_likelihood_peaks_at_the_units_of_equation_5() -> None:
     np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-5)
     astern, abeam, ahead = (likelihood[row].argmax() - 9 for row in (0, len(likelihood) // 2, -1))
     assert (astern, abeam, ahead) == (-8, 0, 8)
+
+
+def test_normal_chance_keeps_its_digits_far_from_the_mean() -> None:
+    z = np.linspace(-14.9, 14.9, 2001).reshape(3, -1)
+    np.testing.assert_allclose(normal_cdf(z), ndtr(z), rtol=1e-12)
+    np.testing.assert_array_equal(normal_cdf(np.array([-np.inf, -40.0, 0.0, 40.0, np.inf])), [0.0, 0.0, 0.5, 1.0, 1.0])
 
 
 def test_planner_turns_off_the_line_to_tell_port_from_starboard(make_simulation: Make, sight: Sight, course_of: Sight) -> None:

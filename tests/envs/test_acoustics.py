@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import Belief
-from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.kernels.weight_loops import bearing_units
-from tagtrack.envs.scenario import Scenario, Start
-from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.kernels.geometry import relative_bearing, wrap_angle
-from tagtrack.envs.sim.motion import BrownianWalk
-from tagtrack.envs.sim.readings import bearing_in_units, expected_strength
-from tagtrack.envs.sim.receivers import StereoHydrophone
-from tagtrack.envs.sim.tags import TARGET, Tag
+from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.motions import BrownianWalk
+from tagtrack.envs.scenario import Scenario, Start
+from tagtrack.envs.sensors import StereoHydrophone
+from tagtrack.envs.sensors.bearing import bearing_in_units, bearing_units
+from tagtrack.envs.sensors.stereo import expected_strength
+from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
+from tagtrack.envs.sim.tags import TARGET
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.tag import Tag
 
 CLEAR = Water(noisy_share=0.0, clear_hearing=0.95)
 ERRORS = 4.0

@@ -11,24 +11,16 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from tagtrack.envs.belief.filter import (
-    BELIEF,
-    FILTERS,
-    Belief,
-    Estimate,
-    correct,
-    filter_rule,
-    make_scratch,
-    predict,
-    spread_particles,
-)
+from tagtrack.envs.belief.assumptions import FILTERS, Belief, Estimate, filter_rule
+from tagtrack.envs.belief.filter import correct, predict, spread_particles
+from tagtrack.envs.belief.row import BELIEF, make_scratch, weigh
 from tagtrack.envs.belief.summary import summarize
-from tagtrack.envs.belief.weighing import Weighting, begin_weights, weigh
+from tagtrack.envs.belief.weighing import begin_weights
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.motions import BrownianWalk, MomentumRandomWalk
 from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.sensors import StereoHydrophone, Weighting
 from tagtrack.envs.sim.acoustics import CONTACT, Water
-from tagtrack.envs.sim.motion import BrownianWalk, MomentumRandomWalk
-from tagtrack.envs.sim.receivers import StereoHydrophone
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval import reference_filter

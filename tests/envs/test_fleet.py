@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.observation import LENGTH, OWN_FEATURES, TAG_FEATURES, features
+from tagtrack.envs.layout import OWN_FEATURES, features
+from tagtrack.envs.observation import LENGTH, TAG_FEATURES
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation

@@ -13,17 +13,10 @@ from scipy import stats
 
 from tagtrack.envs.kernels.random import PREDICT, fill_bits
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.motions import BrownianWalk, LevyFlight, MomentumRandomWalk, Replay, StraightAndIdle
+from tagtrack.envs.motions.motion import start_swimming, swim
+from tagtrack.envs.motions.tracks import Track
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.motion import (
-    BrownianWalk,
-    LevyFlight,
-    MomentumRandomWalk,
-    Replay,
-    StraightAndIdle,
-    start_swimming,
-    swim,
-)
-from tagtrack.envs.sim.tracks import Track
 from tagtrack.envs.simulation import Simulation
 
 COUNT = 40_000

@@ -4,10 +4,10 @@ from itertools import permutations
 
 import pytest
 
-from tagtrack.envs.belief.filter import FILTERS
+from tagtrack.envs.belief.assumptions import FILTERS
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sim.receivers import RangeReceiver
+from tagtrack.envs.sensors import RangeReceiver
 
 # Values that rules bind together, each set of which would be refused if one went alone (the nearest start is 20 m, the
 # farthest 60 m, random particles are off, and a belief must score the readings of its receiver).

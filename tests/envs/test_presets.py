@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tagtrack.envs.motions import StraightLegs
 from tagtrack.envs.presets import PRESETS
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.legs import StraightLegs
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import build_task
 

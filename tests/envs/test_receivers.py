@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import AOTT, Belief, filter_rule, make_scratch
-from tagtrack.envs.belief.update import is_told
-from tagtrack.envs.belief.weighing import begin_weights, weigh
+from tagtrack.envs.belief.assumptions import AOTT, Belief, filter_rule
+from tagtrack.envs.belief.row import is_told, make_scratch, weigh
+from tagtrack.envs.belief.weighing import begin_weights
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sensors import MeasuredReception, PresenceReceiver, RangeReceiver
 from tagtrack.envs.sim.acoustics import CONTACT
 from tagtrack.envs.sim.readings import presence_chance
-from tagtrack.envs.sim.receivers import MeasuredReception, PresenceReceiver, RangeReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 

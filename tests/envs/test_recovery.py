@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import BELIEF, Belief, filter_rule, make_scratch
+from tagtrack.envs.belief.assumptions import Belief, filter_rule
 from tagtrack.envs.belief.recovery import Recovery, SecondResampling, follow_likelihood, scatter_share, wants_second_resampling
+from tagtrack.envs.belief.row import BELIEF, make_scratch
 from tagtrack.envs.belief.update import update_belief
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
+from tagtrack.envs.sensors import TimeOfFlightReceiver
 from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.motion import MomentumRandomWalk
-from tagtrack.envs.sim.receivers import TimeOfFlightReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 

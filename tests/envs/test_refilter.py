@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.filter import FILTERS
+from tagtrack.envs.belief.assumptions import FILTERS
 from tagtrack.envs.belief.refilter import refilter
 from tagtrack.eval.papers.clark2013_twin import moving_scenario, record_missions
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import BELIEF, Belief, filter_rule, make_scratch
+from tagtrack.envs.belief.assumptions import Belief, filter_rule
 from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring
+from tagtrack.envs.belief.row import BELIEF, make_scratch
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
+from tagtrack.envs.sensors import RangeReceiver
 from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.receivers import RangeReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 

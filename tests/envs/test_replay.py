@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from tagtrack.envs.kernels.random import TRACK, uniform_pair
+from tagtrack.envs.motions import Replay
+from tagtrack.envs.motions.replay import cut_at_gaps, find_stretches, make_table, resample_track
+from tagtrack.envs.motions.tracks import Track, find_unbroken
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sim.motion import Replay
-from tagtrack.envs.sim.replay import cut_at_gaps, find_stretches, make_table, resample_track
-from tagtrack.envs.sim.tracks import Track, find_unbroken
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import build_task
 

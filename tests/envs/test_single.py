@@ -11,10 +11,11 @@ import pytest
 
 import tagtrack  # noqa: F401  registers the ids
 from tagtrack.envs.area_only import AreaOnlyEnv
-from tagtrack.envs.observation import action_names, features
+from tagtrack.envs.layout import action_names, features
+from tagtrack.envs.motions import Replay
 from tagtrack.envs.range_only import RangeOnlyEnv
-from tagtrack.envs.scenario import SCENARIOS, Reward, Scenario
-from tagtrack.envs.sim.motion import Replay
+from tagtrack.envs.rewards import Reward
+from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.envs.time_of_flight import TimeOfFlightEnv
 

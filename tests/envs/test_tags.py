@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.sim.tags import TARGET, Tag, ping_within, start_pinging
+from tagtrack.envs.sim.tags import TARGET, ping_within, start_pinging
+from tagtrack.envs.tag import Tag
 
 VEMCO = Tag(period=60.0, random_delay=30.0)
 

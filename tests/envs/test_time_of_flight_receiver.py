@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import Belief, filter_rule, make_scratch
-from tagtrack.envs.belief.time_of_flight import TagClock, gate_range, time_of_flight_range
-from tagtrack.envs.belief.weighing import Measurements, begin_weights, is_valid, weigh
+from tagtrack.envs.belief.assumptions import Belief, filter_rule
+from tagtrack.envs.belief.row import make_scratch, weigh
+from tagtrack.envs.belief.weighing import begin_weights, is_valid
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
+from tagtrack.envs.sensors import Measurements, TimeOfFlightReceiver
+from tagtrack.envs.sensors.bearing import bearing_in_units
 from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.readings import bearing_in_units
-from tagtrack.envs.sim.receivers import TimeOfFlightReceiver
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
+from tagtrack.eval.field.time_of_flight import TagClock, gate_range, time_of_flight_range
 
 TASK = SCENARIOS["TagTrack/TimeOfFlight-v0"]
 SPEED, ERRORS = 1500.0, 4.0

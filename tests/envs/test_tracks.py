@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tagtrack.envs.sim.tracks import Track, read_tracks, split_tracks
+from tagtrack.envs.motions.tracks import Track, read_tracks, split_tracks
 
 GOOD = "t_unix_s,x,y\n100,0,0\n101,1,0\n103,1,2\n"
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle, hold_course, steer

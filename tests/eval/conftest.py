@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tagtrack.envs.observation import action_names, feature_names
+from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.cli import main
 from tagtrack.policies.files import save_policy

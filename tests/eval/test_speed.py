@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.filter import Belief
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.eval.filter_bank import TAG, FilterBank, ReferenceBank, readings
 from tagtrack.eval.timing import time_in_turn
 

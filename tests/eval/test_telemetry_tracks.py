@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from tagtrack.envs.sim.tracks import Track
+from tagtrack.envs.motions.tracks import Track
 from tagtrack.eval.telemetry import Plane, read_tracks, write_movebank, write_tracks
 
 AXIS, FLATTENING = 6378137.0, 1 / 298.257223563  # WGS84

@@ -6,16 +6,17 @@ import math
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.filter import FILTERS, Belief, Weighting
+from tagtrack.envs.belief.assumptions import FILTERS, Belief
+from tagtrack.envs.belief.filter import Weighting
 from tagtrack.envs.kernels.records import to_record
-from tagtrack.envs.kernels.weight_loops import expect_strength, weigh_bearing, weigh_combined, weigh_strength
+from tagtrack.envs.motions import BrownianWalk, LevyFlight, MomentumRandomWalk
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sensors import StereoHydrophone
+from tagtrack.envs.sensors.bearing import LARGEST_UNIT, bearing_in_units
+from tagtrack.envs.sensors.stereo import expect_strength, expected_strength, weigh_bearing, weigh_combined, weigh_strength
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.motion import BrownianWalk, LevyFlight, MomentumRandomWalk
-from tagtrack.envs.sim.readings import bearing_in_units, expected_strength
-from tagtrack.envs.sim.receivers import LARGEST_UNIT, StereoHydrophone
-from tagtrack.envs.sim.tags import Tag
 from tagtrack.envs.sim.vehicle import Vehicle
+from tagtrack.envs.tag import Tag
 
 f32 = np.float32
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.calibration import NOMINAL_PERIODS, TAU, TICK, Kind, average_differences, calibrate, sort_differences
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import LARGEST_SHARE
-from tagtrack.envs.belief.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
-from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+from tagtrack.envs.sensors import TimeOfFlightReceiver
 from tagtrack.envs.simulation import Simulation
+from tagtrack.eval.field.calibration import NOMINAL_PERIODS, TAU, TICK, Kind, average_differences, calibrate, sort_differences
+from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+from tagtrack.eval.field.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
 from tagtrack.eval.papers.lin2013_localization import MEASUREMENTS, VARIANTS, rows_by_distance
 from tagtrack.eval.papers.lin2013_recovery import lead_astray, time_back
 from tagtrack.eval.papers.printed import LIN2013_TABLE_I
@@ -41,6 +43,14 @@ def test_constants_of_the_method():
     assert NOMINAL_PERIODS == (2.0, 4.0)  # [s] (IV.B.1)
     assert LARGEST_JUMP == 50.0  # [m] (Alg. 1)
     assert CodeReceiver().resolution == 1e-5  # [s] (III.A)
+
+
+def test_receiver_of_the_task_has_the_tag_and_the_gate_of_the_bench():
+    receiver, tag, bench = TimeOfFlightReceiver(), CodedTag(), CodeReceiver()
+    assert (receiver.wander, receiver.code_spacing) == (tag.wander, tag.code_spacing)
+    assert (receiver.tick, receiver.misread) == (bench.tick, bench.misread)
+    assert bench.tick == TICK
+    assert Belief().largest_jump == LARGEST_JUMP
 
 
 def test_table_one_gives_table_two():

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.filter import AOTT
+from tagtrack.envs.belief.assumptions import AOTT
 from tagtrack.eval.papers.frame import Setting, Size
 from tagtrack.eval.papers.masmitja2020_settings import SWEEPS, Sweep
 from tagtrack.eval.papers.masmitja2020_turn import SECONDS, VARIANTS, Variant, is_lost, mean_error, track

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.sim.arrivals import Arrivals, read_arrivals, write_arrivals
+from tagtrack.eval.field.arrivals import Arrivals, read_arrivals, write_arrivals
 
 
 @pytest.fixture

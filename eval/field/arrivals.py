@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tagtrack.envs.sim.csv_table import Row, open_csv, shown
+from tagtrack.envs.csv_table import Row, open_csv, shown
 
 ARRIVAL_COLUMNS = ("t_s", "code")
 

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tagtrack.envs.belief.time_of_flight import TagClock
+from tagtrack.eval.field.time_of_flight import TagClock
 
 NOMINAL_PERIODS = (2.0, 4.0)  # of Lotek's codes [s] (IV.B.1)
 TAU = 0.01  # a regular difference lies this near to the nominal period [s] (IV.B.2)

@@ -12,11 +12,11 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.envs.belief.calibration import TAU, TICK, Calibration, Differences, Kind, calibrate
-from tagtrack.envs.belief.time_of_flight import aliasing_range
-from tagtrack.envs.sim.arrivals import Arrivals, read_arrivals
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
-from tagtrack.eval.calibration_plot import plot_differences
+from tagtrack.eval.field.arrivals import Arrivals, read_arrivals
+from tagtrack.eval.field.calibration import TAU, TICK, Calibration, Differences, Kind, calibrate
+from tagtrack.eval.field.calibration_plot import plot_differences
+from tagtrack.eval.field.time_of_flight import aliasing_range
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable

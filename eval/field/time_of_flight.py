@@ -54,6 +54,12 @@ def time_of_flight_range(arrival: ArrayLike, clock: TagClock, sound_speed: float
         (..., V, T) range [m] within +-v*T_c/2; negative: clock drift, or a tag beyond that reach; NaN stays NaN.
     Raises:
         ValueError: if the speed of sound is not positive.
+
+    Of two arrivals one comes 0.1 s after a ping and one 0.01 s before the next, for its tag is beyond v*T_c/2 or its clock late:
+
+    >>> clock = TagClock(period=2.0, first_ping=10.0)
+    >>> time_of_flight_range([14.1, 15.99, float("nan")], clock, sound_speed=1500.0).round(6)
+    array([150., -15.,  nan])
     """
     _require_speed(sound_speed)
     period, first_ping = _per_vehicle(clock)

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tagtrack.envs.sim.arrivals import Arrivals
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
 from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.eval.field.arrivals import Arrivals
 
 BURST = 3  # codes in a burst
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagtrack.envs.belief.calibration import Calibration, Kind
+from tagtrack.eval.field.calibration import Calibration, Kind
 from tagtrack.eval.plots import COLOURS, INK, empty_figure
 
 if TYPE_CHECKING:

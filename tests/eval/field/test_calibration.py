@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tagtrack.envs.belief.calibration import (
+from tagtrack.eval.field.calibration import (
     TICK,
     Kind,
     average_differences,

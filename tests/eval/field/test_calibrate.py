@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.calibration import Kind, calibrate
-from tagtrack.envs.sim.arrivals import write_arrivals
-from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
-from tagtrack.eval import calibrate as command
-from tagtrack.eval.calibration_plot import plot_differences
+from tagtrack.eval.field import calibrate as command
+from tagtrack.eval.field.arrivals import write_arrivals
+from tagtrack.eval.field.calibration import Kind, calibrate
+from tagtrack.eval.field.calibration_plot import plot_differences
+from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
 
 
 @pytest.fixture(autouse=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.calibration import calibrate
-from tagtrack.envs.sim.arrivals import read_arrivals, write_arrivals
-from tagtrack.envs.sim.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+from tagtrack.eval.field.arrivals import read_arrivals, write_arrivals
+from tagtrack.eval.field.calibration import calibrate
+from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
 
 FIVE, SIX = (117, 2, 3, 4, 5), (117, 2, 3, 4, 5, 6)
 PERFECT = CodeReceiver(jitter=0.0, tick=1e-9, resolution=1e-9, missed=0.0, misread=0.0)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tagtrack.envs.belief.time_of_flight import (
+from tagtrack.eval.field.time_of_flight import (
     TagClock,
     aliasing_range,
     correct_first_ping,
