@@ -13,7 +13,7 @@ STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 .PHONY: help setup train test check speed clean
 
 help:
-	@echo 'make train   train a policy and compare it with the paper (make train ARGS="--steps 1000")'
+	@echo 'make train   train a policy and compare it with the paper (make train ARGS="--steps 1e3", to see it run)'
 	@echo 'make test    run the tests                               (make test ARGS="-k ping", ARGS="-m slow")'
 	@echo 'make check   ruff and mypy'
 	@echo 'make speed   steps and particle updates a second beside the readable reference filter'

@@ -18,6 +18,7 @@ from tagtrack.eval.report import print_table, write_benchmark, write_json
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.rollout import Contestant, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
+from tagtrack.eval.whole_number import WholeNumber
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +40,7 @@ class Benchmark:
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs.
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
-    from_step: int = 0
+    from_step: WholeNumber = 0
     """First step of each episode that counts: 100 leaves out how the fish was found."""
     together: bool = False
     """One more row for all training runs taken together: a single seed is no result."""

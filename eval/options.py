@@ -10,6 +10,7 @@ import tyro
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, find_scenario
 from tagtrack.envs.task import Task, build_task, parse_overrides, require_single
+from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +33,7 @@ class TaskOptions:
     """How fast it swims its track: 0.5 is half the recorded speed."""
     motion: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own)")] = None
     """How the fish moves instead: momentum, brownian, levy or boat (as --set fish=levy); not with --tracks."""
-    particles: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(the scenario's or preset's own)")] = None
+    particles: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the scenario's or preset's own)")] = None
     """Particles of the belief."""
 
     least_particles: ClassVar[int] = 0  # without --particles
@@ -73,7 +74,7 @@ class ManyParticles(TaskOptions):
     """Which task, its belief with many particles."""
 
     particles: Annotated[
-        int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(4000, or the scenario's or preset's own if more)")
+        OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(4000, or the scenario's or preset's own if more)")
     ] = None
     """Particles of the belief."""
 
@@ -84,11 +85,11 @@ class ManyParticles(TaskOptions):
 class EpisodeOptions:
     """Which episodes."""
 
-    episodes: int = 512
+    episodes: WholeNumber = 512
     """Number of episodes; the same ones for every policy."""
-    seed: int = 0
+    seed: WholeNumber = 0
     """Of the first episode; the others follow. The same number gives other fish to benchmark, tune and train."""
-    threads: int = 1
+    threads: WholeNumber = 1
     """Threads of the simulation; results do not depend on them."""
 
     def check(self) -> None:

@@ -37,6 +37,18 @@ def block_seed(block: SeedBlock, seed: int) -> int:
     return int(block) * 2**32 + seed
 
 
+EPISODES_OF_A_RUN = 4096
+
+
+def run_seed(block: SeedBlock, seed: int) -> int:
+    """Seed of the first episode of a use by a training run, so that runs of neighbouring seeds share none of 4096 episodes.
+
+    Seeds that differ by a multiple of 2^19 share theirs. Raises ValueError unless 0 <= seed < 2^31.
+    """
+    block_seed(block, seed)
+    return block_seed(block, seed * EPISODES_OF_A_RUN % 2**31)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Trace:
     """What a roll-out keeps of E episodes of K steps, beside the record of errors."""

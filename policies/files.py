@@ -12,6 +12,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 import secrets
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -41,6 +42,7 @@ _DESCRIPTION_TYPES: dict[str, type] = {
 }
 _SUM_KEYS = ("description_sha256", "weights_sha256", "previous_weights_sha256")
 _AGAIN = "copy the policy's folder again, or train again"
+_PARTIAL_NAME = re.compile(r"\..+\.[0-9a-f]{16}(\.[a-z]+)?")
 
 
 @contextlib.contextmanager
@@ -70,6 +72,13 @@ def replace_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise OSError(error.errno, "no space left to write, free some and try again", str(target)) from error
         raise
+
+
+def remove_leftovers(folder: str | os.PathLike[str]) -> None:
+    """Remove what a kill in the middle of `replace_file` left in a folder; nobody may be writing there."""
+    for path in Path(folder).iterdir():
+        if _PARTIAL_NAME.fullmatch(path.name) and path.is_file():
+            path.unlink(missing_ok=True)
 
 
 def save_policy(folder: str | os.PathLike[str], policy: NetworkPolicy) -> None:

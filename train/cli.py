@@ -3,78 +3,124 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
-import time
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import tyro
 
-from tagtrack.train.config import TrainConfig, find_settings, from_json, qualified_id, to_json
+from tagtrack.train.config import TrainConfig, changed_fields, flatten, from_json, merge_texts, qualified_id
 
-WITH_RESUME = ("resume", "steps", "threads", "device")  # flags that a resumed run heeds; the rest is in its config.json
+if TYPE_CHECKING:
+    from tagtrack.envs.task import Task
+    from tagtrack.train.settings import Settings
+
+WITH_RESUME = ("resume", "steps", "threads", "device", "trust")  # flags that a resumed run heeds; the rest is in its config.json
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 when trained, 130 after Ctrl-C (all is saved), 2 for a mistake on the command line or in a file."""
+    """Exit status: 0 when trained, 130 after Ctrl-C (what was saved stays), 2 for a mistake on the command line or in a file."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
         return run(parse(arguments))
+    except KeyboardInterrupt:
+        print("\nbroken off; what was saved stays", file=sys.stderr)
+        return 130
+    except MemoryError:
+        print("error: there is not enough memory; lower --num-envs or --particles", file=sys.stderr)
+        return 2
     except (ValueError, OSError, ImportError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
         return 2
 
 
 def parse(arguments: list[str]) -> TrainConfig:
     """The command line over the defaults, or over the file that --config names."""
     config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog="python -m train")
-    if config.config is None:
+    if config.config is None or config.resume is not None:
         return config
-    default = dataclasses.replace(from_json(config.config), config=config.config, out=None, resume=None)
-    return tyro.cli(TrainConfig, args=arguments, default=default, prog="python -m train")
+    file = from_json(config.config)
+    default = dataclasses.replace(file, config=config.config, out=None, resume=None, set=(), hyper=())
+    config = tyro.cli(TrainConfig, args=arguments, default=default, prog="python -m train")
+    return dataclasses.replace(config, set=merge_texts(file.set, config.set), hyper=merge_texts(file.hyper, config.hyper))
 
 
 def run(config: TrainConfig) -> int:
     """One training run, new or resumed."""
-    from tagtrack.eval.rollout import SeedBlock, block_seed
-    from tagtrack.train.run_folder import RunFolder
+    return begin(config) if config.resume is None else go_on(config)
 
-    if config.resume is not None:
-        folder = RunFolder.open(config.resume)
-        config = resumed_config(config, from_json(folder.path / "config.json"))
-        return train(config, folder, resume=True)
-    env_id = qualified_id(config.env)
-    find_settings(config)
-    build_task_of(config)  # refuse what cannot be run before a folder is made
-    check_device(config.device)
-    block_seed(SeedBlock.TRAINING, config.seed)  # refuse a seed out of range
-    folder = RunFolder.create(config.out, f"{env_id.split('/')[1]}-{config.algo}-seed{config.seed}")
-    return train(config, folder, resume=False)
+
+def begin(config: TrainConfig) -> int:
+    """A new run. What cannot be run is refused before a folder is made."""
+    from tagtrack.train.run_folder import RunFolder
+    from tagtrack.train.session import train
+
+    if config.trust:
+        raise ValueError("--trust goes with --resume: a new run loads no checkpoint")
+    task, settings = check(config)
+    name = f"{qualified_id(config.env).split('/')[1]}-{config.algo}-seed{config.seed}"
+    with RunFolder.create(config.out, name) as folder:
+        return train(config, settings, task, folder, checkpoint=None)
+
+
+def go_on(config: TrainConfig) -> int:
+    """A run from its last checkpoint; of a finished one only the table, if it is missing."""
+    from tagtrack.train.checkpoint import load_checkpoint
+    from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
+    from tagtrack.train.session import finish, train
+
+    assert config.resume is not None
+    with RunFolder.open(config.resume) as folder:
+        config = resumed_config(config, from_json(folder.path / CONFIG_FILE))
+        checkpoint = load_checkpoint(folder.path)
+        task, settings = check(config)
+        steps = checkpoint.progress.steps
+        if steps < settings.steps:
+            if not config.trust:
+                checkpoint.require_trust()
+            return train(config, settings, task, folder, checkpoint)
+        print(f"{folder.path} is finished: {steps:,} of {settings.steps:,} steps; --steps with a larger number trains it on")
+        if (folder.path / TABLE_FILE).is_file():
+            print(f"its table: {folder.path / TABLE_FILE}")
+        else:
+            finish(config, task, folder)
+        return 0
 
 
 def resumed_config(given: TrainConfig, saved: TrainConfig) -> TrainConfig:
     """The run's own config with the few flags that may change. Raises ValueError for any other flag."""
-    plain = TrainConfig()
-    for field in dataclasses.fields(TrainConfig):
-        if field.name not in WITH_RESUME and getattr(given, field.name) != getattr(plain, field.name):
-            flag = "--" + field.name.replace("_", "-")
-            raise ValueError(f"{flag} cannot change in a resumed run; drop it, or train anew")
+    if changed := changed_fields(given, WITH_RESUME):
+        flag = "--" + changed[0].replace("_", "-")
+        raise ValueError(f"{flag} cannot change in a resumed run; drop it, or train anew")
     steps = saved.steps if given.steps is None else given.steps
-    return dataclasses.replace(saved, steps=steps, threads=given.threads, device=given.device, resume=given.resume)
+    return dataclasses.replace(
+        saved, steps=steps, threads=given.threads, device=given.device, resume=given.resume, trust=given.trust
+    )
 
 
-def build_task_of(config: TrainConfig) -> Any:
-    from tagtrack.envs.task import build_task, parse_overrides
+def check(config: TrainConfig) -> tuple[Task, Settings]:
+    """Task and hyper-parameters of a run that can be run. Raises ValueError or OSError with one line on what cannot."""
+    from tagtrack.envs.task import build_task, parse_overrides, require_single
+    from tagtrack.eval.rollout import SeedBlock, run_seed
+    from tagtrack.train.memory import require_size
+    from tagtrack.train.settings import find_settings, fit_to_steps
 
-    return build_task(
-        qualified_id(config.env),
+    env_id = qualified_id(config.env)
+    settings = fit_to_steps(find_settings(config), keep_worlds=config.num_envs is not None)
+    task = build_task(
+        env_id,
         preset=config.preset,
         particles=config.particles,
         tracks=config.tracks,
         time_scale=config.time_scale,
-        overrides=parse_overrides(config.set, config.motion),
+        overrides=parse_overrides(flatten(config.set), config.motion),
     )
+    require_single(task.scenario, "python -m train")
+    require_size(task.scenario, settings)
+    if config.threads < 1:
+        raise ValueError(f"--threads must be at least 1, got {config.threads}")
+    run_seed(SeedBlock.TRAINING, config.seed)
+    check_device(config.device)
+    return task, settings
 
 
 def check_device(device: str) -> None:
@@ -86,97 +132,3 @@ def check_device(device: str) -> None:
     except (RuntimeError, AssertionError) as error:
         reason = str(error).splitlines()[0]
         raise ValueError(f"--device {device} cannot be used here ({reason}); cpu always can") from None
-
-
-def train(config: TrainConfig, folder: Any, *, resume: bool) -> int:
-    """Train in a folder, with table, curve and path at the end."""
-    import torch
-
-    from tagtrack.envs.overrides import describe_scenario
-    from tagtrack.envs.task import parse_overrides
-    from tagtrack.eval.rollout import SeedBlock, block_seed
-    from tagtrack.eval.versions import collect_versions
-    from tagtrack.train.learning import Training, build_model, learn, load_model, make_logger
-    from tagtrack.train.vec_env import TagTrackVecEnv
-
-    torch.set_num_threads(1)  # a second thread costs more than it gives on networks this small
-    env_id, settings, task = qualified_id(config.env), find_settings(config), build_task_of(config)
-    training_seed = block_seed(SeedBlock.TRAINING, config.seed * 4096 % 2**31)
-    path, state = folder.load_state() if resume else (None, {})
-    env = TagTrackVecEnv(
-        env_id,
-        settings.num_envs,
-        threads=config.threads,
-        stagger=True,
-        preset=config.preset,
-        particles=config.particles,
-        tracks=config.tracks,
-        time_scale=config.time_scale,
-        overrides=parse_overrides(config.set, config.motion),
-    )
-    if resume:
-        model = load_model(settings, path, env, config.device)
-        training_seed += 2**31 + model.num_timesteps  # new episodes: those of the first part are spent
-    else:
-        model = build_model(settings, env, config.seed, config.device)
-        folder.write_json(
-            "config.json",
-            {
-                **to_json(dataclasses.replace(config, out=folder.path)),
-                "settings": dataclasses.asdict(settings),
-                "scenario": describe_scenario(task.scenario),
-                "replayed": task.describe_tracks(),
-            },
-        )
-        folder.write_json("versions.json", collect_versions())
-    env.seed(training_seed)  # after the model, which seeds its environment with its own seed
-    model.set_logger(make_logger(folder))
-    training = Training(
-        folder, task, env_id, total=settings.steps, seed=config.seed, episodes=settings.validation_episodes, state=state
-    )
-    started = time.perf_counter()
-    finished = learn(model, training)
-    env.close()
-    draw_curve(folder)
-    if not finished:
-        print(f"stopped at {model.num_timesteps:,} of {settings.steps:,} steps; go on with\n    {_command(folder.path)}")
-        return 130
-    print(f"trained {model.num_timesteps:,} steps in {time.perf_counter() - started:.0f} s")
-    print_comparison(folder, task, env_id)
-    print(f"run: {folder.path}\nmore: python -m eval benchmark {_task_options(config)} --policies three_step {folder.path}")
-    return 0
-
-
-def _task_options(config: TrainConfig) -> str:
-    """The options of `python -m eval` that name the task of a run."""
-    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion")}
-    options = [f"--env {qualified_id(config.env)}"]
-    options += [f"--{name.replace('_', '-')} {value}" for name, value in given.items() if value is not None]
-    return " ".join([*options, *(["--set", *config.set] if config.set else [])])
-
-
-def _command(path: Path) -> str:
-    return f"python -m train --resume {os.path.relpath(path)}"
-
-
-def draw_curve(folder: Any) -> None:
-    """learning_curve.png from progress.csv."""
-    from tagtrack.eval.plots import plot_learning_curve, save_figure
-
-    rows = folder.read_progress()
-    if rows:
-        steps = [float(row["steps"]) for row in rows]
-        errors = [float(row["validation_error_m"]) for row in rows]
-        save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, {}))
-
-
-def print_comparison(folder: Any, task: Any, env_id: str) -> None:
-    """A small table: the policy that was kept beside the paper's controller and pursuit, on episodes it was not chosen on."""
-    from rich.console import Console
-
-    from tagtrack.eval import collect_versions, compare
-    from tagtrack.eval.report import console_table
-
-    policies = ["three_step", "pursuit", str(folder.path)]
-    comparison = compare(task, policies, episodes=256, seed=1_000_000, env_id=env_id)
-    Console().print(console_table(comparison.document(collect_versions())))

@@ -1,9 +1,13 @@
-"""What a training run is: a documented dataclass that the command line fills, and the hyper-parameters of each environment."""
+"""What a training run is: a documented dataclass that the command line fills, and its file."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import math
+import types
+import typing
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,138 +15,73 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from tagtrack.envs.scenario import find_scenario
+from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 Algorithm = Literal["ppo", "sac"]
+Texts = tuple[tuple[str, ...], ...]  # one group for each time that a flag is given
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """Train a policy; it can then be named, by its folder, in `python -m eval benchmark`."""
 
-    env: str = "TagTrack/LeopardShark-v0"
+    env: Annotated[str, tyro.conf.arg(metavar="ID")] = "TagTrack/LeopardShark-v0"
     """Environment id, with or without `TagTrack/`."""
     algo: Algorithm = "ppo"
     """Algorithm of Stable-Baselines3."""
-    steps: int | None = None
-    """Environment steps in all; default by environment."""
-    seed: int = 0
+    steps: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(default by environment)")] = None
+    """Environment steps in all, as 1000 or 1.5e6. PPO rounds them up to whole rollouts; a short run gets shorter rollouts, in
+    fewer worlds, so that it still learns eight times."""
+    seed: WholeNumber = 0
     """Of network, exploration and episodes. One seed is no result: train several."""
-    num_envs: int | None = None
-    """Worlds that are simulated together; default by environment."""
-    preset: str | None = None
+    num_envs: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(default by environment)")] = None
+    """Worlds that are simulated together."""
+    preset: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(none)")] = None
     """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
-    particles: int | None = None
-    """Particles of the filter; default the environment's or preset's own (1000 for most)."""
-    tracks: Path | None = None
+    particles: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the environment's or preset's own)")] = None
+    """Particles of the filter; 1000 for most environments."""
+    tracks: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """A csv file (t_unix_s,x,y; of several animals with a column tag) of recorded tracks for the fish to swim."""
-    time_scale: float | None = None
+    time_scale: Annotated[float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(1)")] = None
     """How fast it swims its track; 0.5 is half the recorded speed."""
-    motion: str | None = None
+    motion: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own)")] = None
     """How the fish moves instead: momentum, brownian, levy or boat (as --set fish=levy); not with --tracks."""
-    set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    set: Annotated[Texts, tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction] = ()
     """Parameters of the scenario, for instance water.noisy_share=0.3 reward.standoff=2."""
-    hyper: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    hyper: Annotated[Texts, tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction] = ()
     """Hyper-parameters of the algorithm, for instance learning_rate=3e-4 gamma=0.995."""
-    out: Path | None = None
-    """Folder of the run; default runs/ENV-ALGO-seedN."""
-    resume: Path | None = None
-    """Folder of a run to go on with, from its last checkpoint; only --steps, --threads and --device go with it."""
-    config: Path | None = None
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/ENV-ALGO-seedN)")] = None
+    """Folder of the run."""
+    resume: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(none)")] = None
+    """Folder of a run to go on with, from its last checkpoint; only --steps (more of them), --threads, --device and --trust go
+    with it. It goes on in new episodes, so that the policy is not the one that an uninterrupted run would have found."""
+    trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Resume a run that was trained elsewhere: loading its checkpoint runs whatever code somebody put in."""
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """A config.json to start from (that of another run); what else is on the command line goes before it."""
-    threads: int = 1
+    threads: WholeNumber = 1
     """Threads of the simulation. Torch keeps to one."""
-    device: str = "cpu"
+    device: Annotated[str, tyro.conf.arg(metavar="NAME")] = "cpu"
     """Torch device: cpu, cuda, cuda:1 ..."""
-    validation_episodes: int | None = None
-    """Episodes of each validation, on seeds that neither training nor benchmarks use; the best policy is kept. Default by
-    environment: 256, and more where rare losses make up the mean error."""
+    validation_episodes: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(default by environment)")] = None
+    """Episodes of each validation, on seeds that neither training nor benchmarks use; the best policy is kept. 256, and more
+    where rare losses make up the mean error."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PPOSettings:
-    """Proximal policy optimization, for a fast batch of worlds on one core."""
-
-    steps: int = 2_000_000
-    num_envs: int = 256
-    rollout: int = 8192  # steps of all worlds together between updates
-    batch_size: int = 2048
-    epochs: int = 4
-    learning_rate: float = 1e-3  # falls linearly to a tenth
-    gamma: float = 0.995
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    entropy: float = 0.0
-    log_std: float = -1.0  # of the first exploration noise
-    width: int = 64  # of the two hidden layers
-    ahead: float = 0.5  # first bias of the action "ahead": an untrained policy pursues
-    validation_episodes: int = 256
+TOLD = ("settings", "scenario", "replayed")  # what a run's config.json tells beside its config
+UNWRITTEN = ("trust",)  # no file can ask for it
 
 
-@dataclass(frozen=True, kw_only=True)
-class SACSettings:
-    """Soft actor-critic: fewer steps, more work on each."""
-
-    steps: int = 300_000
-    num_envs: int = 64
-    buffer: int = 300_000
-    learning_starts: int = 6_400
-    gradient_steps: int = 8  # for each step of all worlds
-    batch_size: int = 256
-    learning_rate: float = 1e-3
-    gamma: float = 0.99
-    tau: float = 0.005
-    width: int = 64
-    ahead: float = 0.5
-    validation_episodes: int = 256
+def flatten(texts: Texts) -> list[str]:
+    """The texts of all times that a flag was given."""
+    return [text for group in texts for text in group]
 
 
-Settings = PPOSettings | SACSettings
-FLAGS = {"steps": 1, "num_envs": 1, "validation_episodes": 2}  # settings with a flag of their own -> the least that makes sense
-
-# Where an environment, or a preset of it, wants other values than an algorithm's own.
-SETTINGS: dict[tuple[str, str], Settings] = {
-    ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
-    ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
-    ("masmitja2023", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.99),
-    ("utracking_medium", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
-    ("utracking_hard", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
-    # To pursue is the worst there is where only the edge tells.
-    ("TagTrack/AreaOnly-v0", "ppo"): PPOSettings(steps=1_500_000, rollout=16384, batch_size=4096, gamma=0.99, ahead=0.0),
-    # One or two episodes in a hundred, in which the animal is lost, decide: large batches and many validations feel them.
-    ("TagTrack/AreaOnlyUnknownRange-v0", "ppo"): PPOSettings(
-        steps=12_000_000, rollout=32768, batch_size=8192, gamma=0.99, ahead=0.0, validation_episodes=1024
-    ),
-}
-
-
-def find_settings(config: TrainConfig) -> Settings:
-    """Hyper-parameters of a run: the algorithm's, the environment's or preset's, the command line's, each over the one before.
-
-    Raises:
-        ValueError: for an unknown name or a value of another kind.
-    """
-    own = PPOSettings() if config.algo == "ppo" else SACSettings()
-    settings = SETTINGS.get((qualified_id(config.env), config.algo), own)
-    if config.preset is not None:
-        settings = SETTINGS.get((config.preset, config.algo), settings)
-    changes: dict[str, Any] = {}
-    known = {field.name: getattr(settings, field.name) for field in dataclasses.fields(settings)}
-    for text in config.hyper:
-        name, _, value = text.partition("=")
-        if name not in known or name in FLAGS:
-            names = ", ".join(key for key in known if key not in FLAGS)
-            raise ValueError(f"unknown hyper-parameter {name!r} of {config.algo}; known: {names}")
-        try:
-            changes[name] = type(known[name])(json.loads(value))
-        except (ValueError, TypeError):
-            raise ValueError(f"--hyper {name} must be a number, got {value!r}") from None
-    for name, least in FLAGS.items():
-        value = getattr(config, name)
-        if value is not None:
-            if value < least:
-                raise ValueError(f"--{name.replace('_', '-')} must be at least {least}, got {value}")
-            changes[name] = value
-    return dataclasses.replace(settings, **changes)
+def merge_texts(earlier: Texts, later: Texts) -> Texts:
+    """NAME=VALUE texts of which the later ones go before the earlier ones of the same name."""
+    names = {text.partition("=")[0] for text in flatten(later)}
+    kept = tuple(text for text in flatten(earlier) if text.partition("=")[0] not in names)
+    return ((kept,) if kept else ()) + later
 
 
 def qualified_id(env: str) -> str:
@@ -153,29 +92,70 @@ def qualified_id(env: str) -> str:
 
 def to_json(config: TrainConfig) -> dict[str, Any]:
     """Plain values of a config, for config.json."""
-    plain = dataclasses.asdict(config)
+    plain = {name: value for name, value in dataclasses.asdict(config).items() if name not in UNWRITTEN}
+    plain |= {"set": flatten(config.set), "hyper": flatten(config.hyper)}
     return {key: str(value) if isinstance(value, Path) else value for key, value in plain.items()}
 
 
 def from_json(path: Path) -> TrainConfig:
     """Read what ``to_json`` wrote. Raises ValueError that names the file and what is wrong in it."""
+    plain = read_object(path)
+    fields = {field.name: field for field in dataclasses.fields(TrainConfig) if field.name not in UNWRITTEN}
+    kinds = typing.get_type_hints(TrainConfig)
+    values: dict[str, Any] = {}
+    for name, value in plain.items():
+        if name in TOLD:
+            continue
+        if name not in fields:
+            raise ValueError(f"{path}: unknown setting {name!r}; known: {', '.join(fields)}")
+        try:
+            values[name] = _interpret(value, kinds[name])
+        except ValueError as error:
+            raise ValueError(f"{path}: {name} must be {error}, got {json.dumps(value)[:80]}") from None
+    return TrainConfig(**values)
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """The object of a JSON file. Raises ValueError or FileNotFoundError that names the file."""
+    if not path.exists():
+        raise FileNotFoundError(f"no configuration {path}; give the config.json of a run")
+    if not path.is_file():  # a pipe would be waited for, a device never ends
+        raise ValueError(f"{path} is no ordinary file; give the config.json of a run")
     try:
         plain = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise FileNotFoundError(f"no configuration {path}; give the config.json of a run") from None
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not a JSON file ({error})") from None
     if not isinstance(plain, dict):
         raise ValueError(f"{path}: must hold an object of settings, got {type(plain).__name__}")
-    for told in ("settings", "scenario", "replayed"):  # what a run made of its config
-        plain.pop(told, None)
-    known = {field.name: field for field in dataclasses.fields(TrainConfig)}
-    unknown = sorted(set(plain) - set(known))
-    if unknown:
-        raise ValueError(f"{path}: unknown setting {unknown[0]!r}; known: {', '.join(known)}")
-    for name in ("tracks", "out", "resume", "config"):
-        if plain.get(name) is not None:
-            plain[name] = Path(plain[name])
-    for name in ("set", "hyper"):
-        plain[name] = tuple(plain.get(name, ()))
-    return TrainConfig(**plain)
+    return plain
+
+
+def _interpret(value: Any, kind: Any) -> Any:
+    """A JSON value as a field's type has it. Raises ValueError with what it must be."""
+    optional = type(None) in typing.get_args(kind)
+    if isinstance(kind, types.UnionType) or typing.get_origin(kind) is typing.Union:
+        (kind,) = (each for each in typing.get_args(kind) if each is not type(None))
+    if value is None and optional:
+        return None
+    or_null = " or null" * optional
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if kind is int and number and value == int(value):
+        return int(value)
+    if kind is float and number:
+        return float(value)
+    if kind in (str, Path) and isinstance(value, str):
+        return kind(value)
+    if kind == Texts and isinstance(value, list) and all(isinstance(text, str) for text in value):
+        return (tuple(value),) if value else ()
+    if typing.get_origin(kind) is Literal and value in typing.get_args(kind):
+        return value
+    names: dict[Any, str] = {int: "a whole number", float: "a number", Texts: "a list of texts NAME=VALUE"}
+    choice = f"one of {', '.join(typing.get_args(kind))}" if typing.get_origin(kind) is Literal else "a text"
+    raise ValueError(names.get(kind, choice) + or_null)
+
+
+def changed_fields(config: TrainConfig, allowed: Sequence[str]) -> list[str]:
+    """Names of the fields, but for the allowed ones, that differ from their defaults."""
+    plain = TrainConfig()
+    names = [field.name for field in dataclasses.fields(TrainConfig) if field.name not in allowed]
+    return [name for name in names if getattr(config, name) != getattr(plain, name)]

@@ -3,63 +3,95 @@
     config.json  versions.json       what was run, with which packages and commit
     progress.csv  learning_curve.png how it went
     policy.safetensors  policy.json  the best policy so far
-    checkpoint/                      all that --resume needs; SB3's own zip files, which hold pickles: resume only runs you trust
+    table.md                         that policy beside the paper's controller; a finished run has it
+    checkpoint/                      all that --resume needs; SB3's own files, which hold pickles: loaded if signed here
+
+A row of progress.csv is a validation: ``steps`` of training so far, ``seconds`` since the beginning, ``steps_per_s`` of training
+alone; ``train_error_m`` and ``train_reward_per_step``, means over the steps of the training episodes that ended since the last
+row; ``validation_error_m`` and ``validation_reward_per_step``, means over all steps of the validation episodes;
+``best_error_m`` of the policy that was kept.
 """
 
 from __future__ import annotations
 
 import csv
+import itertools
 import json
-import shutil
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
-from tagtrack.policies.files import replace_file
+from tagtrack.policies.files import remove_leftovers, replace_file
+from tagtrack.train.checkpoint import has_checkpoint
+from tagtrack.train.lock import LOCK_FILE, FolderLock
 
 CONFIG_FILE = "config.json"
 PROGRESS_FILE = "progress.csv"
+TABLE_FILE = "table.md"
 COLUMNS = (
-    "steps", "seconds", "steps_per_s", "train_error_m", "train_reward",
-    "validation_error_m", "validation_reward", "best_error_m",
+    "steps", "seconds", "steps_per_s", "train_error_m", "train_reward_per_step",
+    "validation_error_m", "validation_reward_per_step", "best_error_m",
 )  # fmt: skip
 
 
 class RunFolder:
-    """One run's folder."""
+    """One run's folder, closed to other processes until the ``with`` block ends. One made in vain is removed."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, made: bool = False) -> None:
         self.path = path
+        self._made = made
+        self._lock = FolderLock(path)
+
+    def __enter__(self) -> RunFolder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if not (self.path / CONFIG_FILE).exists():
+            with suppress(OSError):
+                self._lock.path.unlink()
+                if self._made:
+                    self.path.rmdir()
+        self._lock.release()
 
     @classmethod
     def create(cls, path: Path | None, name: str) -> RunFolder:
         """A new folder: the one asked for, or the first free ``runs/NAME``, ``runs/NAME-2`` ...
 
         Raises:
-            ValueError: where the folder exists and is not empty.
+            ValueError: where the folder exists and is not empty, or another process has just begun a run in it.
         """
         if path is None:
-            path = Path("runs") / name
-            number = 1
-            while path.exists():
-                number += 1
-                path = Path("runs") / f"{name}-{number}"
-        elif path.exists() and not path.is_dir():
+            return cls(_make_free_folder(Path("runs"), name), made=True)
+        if path.exists() and not path.is_dir():
             raise ValueError(f"--out {path} is a file; choose a folder")
-        elif path.exists() and any(path.iterdir()):
-            if (path / CONFIG_FILE).is_file():
-                raise ValueError(f"--out {path} holds a run; go on with it by --resume {path}, or choose another folder")
-            raise ValueError(f"--out {path} exists and is not a run; choose another folder")
+        made = not path.exists()
+        if not made:
+            _require_empty(path)
         path.mkdir(parents=True, exist_ok=True)
-        return cls(path)
+        folder = cls(path, made=made)
+        try:
+            _require_empty(path)  # once more: it may have been another's until now
+        except ValueError:
+            folder._lock.release()
+            raise
+        return folder
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
-        """The folder of a run to go on with. Raises FileNotFoundError where there is none, or no checkpoint in it."""
+        """The folder of a run to go on with.
+
+        Raises:
+            FileNotFoundError: where there is none, or no checkpoint in it.
+            ValueError: where another process trains in it.
+        """
         if not (path / CONFIG_FILE).is_file():
             raise FileNotFoundError(f"{path} is not a run: it has no {CONFIG_FILE}")
         folder = cls(path)
-        if not folder._latest().is_file():
+        if not has_checkpoint(path):
+            folder._lock.release()
             raise FileNotFoundError(f"{path} has no checkpoint yet: nothing to resume; remove the folder and train anew")
+        remove_leftovers(path)
         return folder
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:
@@ -67,12 +99,18 @@ class RunFolder:
             partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
     def read_progress(self) -> list[dict[str, str]]:
-        """Rows of progress.csv; none where the file is absent."""
+        """Rows of progress.csv, "" for what an older one lacks; none where the file is absent. ValueError: if it is damaged."""
         path = self.path / PROGRESS_FILE
         if not path.is_file():
             return []
-        with path.open(newline="", encoding="utf-8") as file:
-            return list(csv.DictReader(file))
+        try:
+            with path.open(newline="", encoding="utf-8") as file:
+                rows = [{column: row.get(column) or "" for column in COLUMNS} for row in csv.DictReader(file)]
+            for row in rows:
+                int(row["steps"]), float(row["validation_error_m"])
+        except (ValueError, csv.Error) as error:
+            raise ValueError(f"{path}: damaged ({error}); remove it to go on without its rows") from None
+        return rows
 
     def write_progress(self, rows: list[dict[str, str]]) -> None:
         with replace_file(self.path / PROGRESS_FILE) as partial, partial.open("w", newline="", encoding="utf-8") as file:
@@ -80,32 +118,21 @@ class RunFolder:
             writer.writeheader()
             writer.writerows(rows)
 
-    def _latest(self) -> Path:
-        return self.path / "checkpoint" / "latest.json"
 
-    def save_checkpoint(self, model: Any, state: dict[str, Any]) -> None:
-        """Save model and state in a folder of their own; only then is ``latest.json`` turned to it and the old one removed."""
-        checkpoint = self.path / "checkpoint"
-        name = f"steps_{model.num_timesteps}"
-        target = checkpoint / name
-        shutil.rmtree(target, ignore_errors=True)
-        target.mkdir(parents=True)
-        model.save(target / "model.zip")
-        if getattr(model, "replay_buffer", None) is not None:
-            model.save_replay_buffer(target / "replay_buffer.pkl")
-        with replace_file(self._latest()) as partial:
-            partial.write_text(json.dumps({"folder": name, **state}, indent=2) + "\n", encoding="utf-8")
-        for other in checkpoint.iterdir():
-            if other.is_dir() and other.name != name:
-                shutil.rmtree(other, ignore_errors=True)
-
-    def load_state(self) -> tuple[Path, dict[str, Any]]:
-        """The last checkpoint's folder and state. Raises ValueError where it is broken."""
+def _make_free_folder(place: Path, name: str) -> Path:
+    """The first of ``name``, ``name-2`` ... that is free: made, so that whoever comes at the same time takes the next."""
+    for number in itertools.count(1):
+        path = place / (name if number == 1 else f"{name}-{number}")
         try:
-            state = json.loads(self._latest().read_text(encoding="utf-8"))
-            folder = self.path / "checkpoint" / state["folder"]
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{self._latest()}: not a checkpoint ({error}); train anew") from None
-        if not (folder / "model.zip").is_file():
-            raise ValueError(f"{folder}: the checkpoint's model.zip is missing; train anew")
-        return folder, state
+            path.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return path
+    raise AssertionError("there is always a free number")
+
+
+def _require_empty(path: Path) -> None:
+    if (path / CONFIG_FILE).is_file():
+        raise ValueError(f"--out {path} holds a run; go on with it by --resume {path}, or choose another folder")
+    if any(entry.name != LOCK_FILE for entry in path.iterdir()):
+        raise ValueError(f"--out {path} exists and is not a run; choose another folder")

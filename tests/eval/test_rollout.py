@@ -7,7 +7,7 @@ import pytest
 
 from tagtrack.baselines.registry import make_baseline
 from tagtrack.envs.simulation import Simulation
-from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out, trace
+from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out, run_seed, trace
 
 
 def maker(specification):
@@ -64,6 +64,14 @@ def test_blocks_of_seeds_never_meet_however_many_episodes():
     largest = 2**31 - 1
     spans = sorted((block_seed(block, 0), block_seed(block, largest) + 2**31) for block in SeedBlock)
     assert all(end < begin for (_, end), (begin, _) in itertools.pairwise(spans))
+
+
+def test_training_runs_of_neighbouring_seeds_share_no_episode():
+    firsts = [run_seed(SeedBlock.VALIDATION, seed) for seed in range(5)]
+    assert firsts == [block_seed(SeedBlock.VALIDATION, 4096 * seed) for seed in range(5)]
+    assert run_seed(SeedBlock.TRAINING, 2**31 - 1) < block_seed(SeedBlock.TRAINING, 2**31 - 1)
+    with pytest.raises(ValueError, match="got -1"):
+        run_seed(SeedBlock.TRAINING, -1)
 
 
 @pytest.mark.parametrize("seed", [-1, 2**31])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tagtrack.policies.files import replace_file, save_policy
+from tagtrack.policies.files import remove_leftovers, replace_file, save_policy
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
@@ -63,3 +63,15 @@ def test_missing_folder_is_named(tmp_path):
 def test_block_that_writes_nothing_is_an_error(tmp_path):
     with pytest.raises(FileNotFoundError), replace_file(tmp_path / "a.csv"):
         pass
+
+
+def test_what_a_kill_left_is_removed_and_nothing_else(tmp_path):
+    for name in ("policy.json", ".lock", ".notes.txt", ".policy.abc.json"):
+        (tmp_path / name).write_text("of somebody")
+    before = sorted(os.listdir(tmp_path))
+    writings = [replace_file(tmp_path / name) for name in ("policy.json", "model.of.1.zip", "key")]
+    for writing in writings:  # never left: the process was killed
+        writing.__enter__().write_text("half")
+    assert len(os.listdir(tmp_path)) == len(before) + 3
+    remove_leftovers(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == before

@@ -1,0 +1,81 @@
+"""Whose checkpoint is it? SB3's files hold pickles, which run code when they are loaded: only those signed here are.
+
+The signature is an HMAC over their SHA-256 sums with a key of the user's own, which never leaves the machine's
+configuration folder (``$XDG_CONFIG_HOME/tagtrack/key``, by default below ``~/.config``).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import hmac
+import os
+import secrets
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+KEY_LENGTH = 64  # hexadecimal digits
+
+
+def key_file() -> Path:
+    """Where the key lies."""
+    base = os.environ.get("XDG_CONFIG_HOME")
+    return (Path(base) if base else Path.home() / ".config") / "tagtrack" / "key"
+
+
+def sign(files: Sequence[Path]) -> str | None:
+    """The signature of files; None where no key can be kept."""
+    try:
+        key = _read_key() or _make_key()
+    except (OSError, RuntimeError):  # a home that cannot be written, or none
+        return None
+    return None if key is None else _signature(key, files)
+
+
+def is_signed(files: Sequence[Path], signature: object) -> bool:
+    """Whether the signature is this user's, and the files are those it was given for."""
+    try:
+        key = _read_key()
+    except (OSError, RuntimeError):
+        return False
+    return key is not None and isinstance(signature, str) and hmac.compare_digest(_signature(key, files), signature)
+
+
+def _signature(key: bytes, files: Sequence[Path]) -> str:
+    whole = hmac.new(key, digestmod="sha256")
+    for file in files:
+        with file.open("rb") as content:
+            whole.update(f"{file.name} {_sum(content)}\n".encode())
+    return whole.hexdigest()
+
+
+def _sum(content: BinaryIO) -> str:
+    total = hashlib.sha256()
+    while block := content.read(1 << 20):
+        total.update(block)
+    return total.hexdigest()
+
+
+def _read_key() -> bytes | None:
+    try:
+        key = key_file().read_text(encoding="ascii").strip()
+    except (FileNotFoundError, NotADirectoryError, UnicodeDecodeError):
+        return None
+    return key.encode() if len(key) == KEY_LENGTH else None
+
+
+def _make_key() -> bytes | None:
+    """A new key, or the one that another process has just made."""
+    target = key_file()
+    target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    partial = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with os.fdopen(descriptor, "w", encoding="ascii") as file:
+            file.write(secrets.token_hex(KEY_LENGTH // 2))
+        with contextlib.suppress(FileExistsError):
+            os.link(partial, target)  # whole, and never over another's
+    finally:
+        partial.unlink()
+    return _read_key()
