@@ -1,6 +1,6 @@
 """What all hand-written policies share: reading an observation in SI units, keeping a memory, and giving an action.
 
-A heuristic says which course to hold, relative to the line from the vehicle to the mean of the belief, and how fast to go;
+A heuristic says which course to hold, relative to the line from the vehicle to the estimate, and how fast to go;
 ``Heuristic.predict`` turns that into the seam of Stable-Baselines3 (``policies.protocol.Policy``).
 """
 
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tagtrack.envs.layout import feature_names
-from tagtrack.envs.observation import SCALES, SILENCE_SCALE
+from tagtrack.envs.observation import SILENCE_SCALE
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.validation import require, settle_numbers
@@ -24,7 +24,7 @@ from tagtrack.envs.validation import require, settle_numbers
 class Sighting(NamedTuple):
     """What heuristics use of an observation: the first tag as the vehicle believes it. Each is (B,) float64."""
 
-    distance: np.ndarray  # to the mean of the belief [m]
+    distance: np.ndarray  # to the estimate [m]
     bearing: np.ndarray  # of it relative to the compass heading [rad], positive to port
     heading: np.ndarray  # by the compass [rad]
     silence: np.ndarray  # time since the last detection [s]
@@ -32,7 +32,7 @@ class Sighting(NamedTuple):
 
     @property
     def line(self) -> np.ndarray:
-        """Absolute bearing of the belief's mean [rad], which actions are relative to."""
+        """Absolute bearing of the estimate [rad]."""
         return self.heading + self.bearing  # both as the compass has it, so that its error cancels
 
 
@@ -80,6 +80,8 @@ class Heuristic(abc.ABC):
         sighting = self._read(np.atleast_2d(np.asarray(observation)))
         memory = self._recall(sighting, state, episode_start)
         course, speed, memory = self.choose(sighting, memory)
+        if self.scenario.steers_by_heading:
+            course = course + sighting.bearing
         components = [np.cos(course), np.sin(course)]
         if self.scenario.speed_control:
             components.append(2.0 * speed - 1.0)
@@ -101,7 +103,7 @@ class Heuristic(abc.ABC):
     @cached_property
     def _columns(self) -> dict[str, int]:
         """Index of each feature in the observation; where there are several tags, the first one's under their plain names."""
-        names = feature_names(self.scenario.targets, self.scenario.receiver.kind)
+        names = feature_names(self.scenario)
         return {name.removeprefix("tag_0."): index for index, name in enumerate(names)}
 
     def _read(self, rows: np.ndarray) -> Sighting:
@@ -112,11 +114,11 @@ class Heuristic(abc.ABC):
             return rows[:, self._columns[name]].astype(np.float64)
 
         return Sighting(
-            distance=SCALES[self.scenario.receiver.kind].length * column("distance"),
+            distance=self.scenario.scale.length * column("distance"),
             bearing=np.arctan2(column("bearing_sin"), column("bearing_cos")),
             heading=np.arctan2(column("heading_sin"), column("heading_cos")),
             silence=np.expm1(SILENCE_SCALE * column("silence")),
-            ping_phase=column("ping_phase"),
+            ping_phase=np.maximum(column("ping_phase"), 0.0),  # of a tag that was never heard: as if it had just pinged
         )
 
 

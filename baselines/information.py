@@ -14,8 +14,7 @@ import numpy as np
 
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
-from tagtrack.baselines.reading_tables import tabulate_chance, tabulate_likelihood
-from tagtrack.envs.sensors import PresenceReceiver, StereoHydrophone, TimeOfFlightReceiver
+from tagtrack.baselines.reading_tables import ReadingTables, tabulate_readings
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.validation import require
 
@@ -52,8 +51,7 @@ class Information(InformedHeuristic):
     courses: int = 12  # K
     sample: int = 64  # particles that stand for all
     perimeter: float = 0.0  # about the mean of the belief [m]; 0: none
-    _chance: np.ndarray = field(init=False, repr=False)
-    _likelihood: np.ndarray = field(init=False, repr=False)
+    _tables: ReadingTables = field(init=False, repr=False)
     _entropy: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -62,9 +60,9 @@ class Information(InformedHeuristic):
             require(getattr(self, name) >= 1, self, name, "a whole number of at least 1")
         require(self.hold > 0, self, "hold", "positive")
         require(self.perimeter >= 0, self, "perimeter", "at least 0")
-        likelihood = tabulate_likelihood(self.scenario.belief, self.scenario.water)
-        object.__setattr__(self, "_chance", tabulate_chance(self.scenario.water, self.scenario.belief))
-        object.__setattr__(self, "_likelihood", likelihood)
+        tables = tabulate_readings(self.scenario.belief, self.scenario.water)
+        likelihood = tables.likelihood
+        object.__setattr__(self, "_tables", tables)
         object.__setattr__(self, "_entropy", -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1))
 
     def begin(self, sighting: Sighting) -> Plan:
@@ -86,7 +84,7 @@ class Information(InformedHeuristic):
         tag = self.scenario.tag
         periods = max((tag.period + 0.5 * tag.random_delay) / self.scenario.time_step, 1.0)  # at most one reading a step
         track = expect_track(
-            self.simulation.worlds.vehicles[rows, 0],
+            self.simulation.worlds.navigation[rows, 0],
             candidates,
             self.scenario.vehicle,
             self.scenario.time_step,
@@ -109,15 +107,13 @@ class Information(InformedHeuristic):
         chosen = np.arange(min(self.sample, count)) * count // min(self.sample, count)
         x, y = (particles[rows[:, None], 0, 0, axis, chosen[None, :]] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
-        receiver, depth = self.scenario.belief.receiver, self.simulation.worlds.contacts["depth"][rows, 0, 0]
-        offset = np.zeros(len(rows))
-        if isinstance(receiver, PresenceReceiver):  # the tables are of the range assumed, the belief may know better
-            offset = receiver.max_range - self.simulation.worlds.beliefs["max_range"][rows, 0, 0]
-        by_distance = not isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver))
+        depth = self.simulation.worlds.listeners["depth"][rows, 0, 0]
+        # The tables are of the number assumed, the belief may know better.
+        offset = self.scenario.belief.receiver.assumed - self.simulation.worlds.beliefs["estimated"][rows, 0, 0]
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
             *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
-            self._chance, self._likelihood, self._entropy, by_distance, information,
+            self._tables.chance, self._tables.likelihood, self._entropy, self._tables.by_distance, information,
         )  # fmt: skip
         return information.astype(np.float64)
 
@@ -126,11 +122,11 @@ def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, ti
     """Where vehicles expect to be after 1, 2 ... steps at full speed on each course: ``hold_course`` without noise or current.
 
     Args:
-        vehicles: (B,) of dtype ``VEHICLE``. courses: (B, K) absolute [rad].
+        vehicles: (B,) of dtype ``NAVIGATION``. courses: (B, K) absolute [rad].
     """
     shape = courses.shape
     x, y, heading, speed = (
-        np.broadcast_to(vehicles[name][:, None], shape) for name in ("believed_x", "believed_y", "compass", "speed")
+        np.broadcast_to(vehicles[name][:, None], shape) for name in ("x", "y", "heading", "speed")
     )
     track = Track(*(np.empty((*shape, steps)) for _ in range(3)))
     ticks = max(1, round(time_step / vehicle.control_interval))

@@ -44,8 +44,9 @@ LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
 def usual_parameters(scenario: Scenario) -> dict[str, Any]:
     """What a baseline does in a task unless told otherwise, where its own defaults, those of the stereo hydrophone, do not suit.
 
-    Bearing and range together: the tuned circle (5 to 14 m are as good). Ranging: the tuned circle of RangeOnly-v0 and, because
-    one range alone drives the vehicle away, the information of a whole turn. Presence: 0.8 of the working range (Masmitja et al.
+    Bearing and range together: the tuned circle (5 to 14 m are as good). Ranging, and sensors
+    of a user's own: a fifth of the task's length, which is the tuned circle of RangeOnly-v0 (40 m), and, because one range alone
+    drives the vehicle away, the information of a whole turn. Presence: 0.8 of the working range (Masmitja et al.
     2020, Fig. 3C); ``pursuit``, ``three_step`` and ``stationary`` run, but stay where every ping is heard and nothing is learned.
     A search begins after three intervals of silence.
     """
@@ -58,7 +59,7 @@ def usual_parameters(scenario: Scenario) -> dict[str, Any]:
     if isinstance(receiver, PresenceReceiver):
         return {**usual, "radius": 0.8 * receiver.working_range, "horizon": 6}
     slowest_turn = scenario.vehicle.max_speed / scenario.vehicle.max_turn_rate
-    return {**usual, "radius": max(40.0, slowest_turn), "horizon": 24}
+    return {**usual, "radius": max(0.2 * scenario.scale.length, slowest_turn), "horizon": 24}
 
 
 def baseline_parameters(name: str) -> dict[str, dataclasses.Field[Any]]:

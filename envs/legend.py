@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tagtrack.envs.sim.receivers import ReceiverKind
+from tagtrack.envs.sensors.sensor import Glimpse
 from tagtrack.envs.simulation import Simulation
 
 PANEL = 250  # width [pixels]
@@ -26,15 +26,6 @@ FAN = (243, 218, 158)
 VEHICLE_SHAPE = np.array([(13, 0), (6, 5), (-9, 5), (-13, 0), (-9, -5), (6, -5)])
 FISH_SHAPE = np.array([(11, 0), (5, 4), (-2, 4), (-7, 1), (-12, 5), (-12, -5), (-7, -1), (-2, -4), (5, -4)])
 CROSS = np.array([(8, 2), (2, 2), (2, 8), (-2, 8), (-2, 2), (-8, 2), (-8, -2), (-2, -2), (-2, -8), (2, -8), (2, -2), (8, -2)])
-
-BEARING_KINDS = (ReceiverKind.STEREO, ReceiverKind.TIME_OF_FLIGHT)
-LAST_READINGS = {
-    ReceiverKind.STEREO: "last bearing, both sides",
-    ReceiverKind.TIME_OF_FLIGHT: "last bearing and range",
-    ReceiverKind.RANGE: "last range",
-    ReceiverKind.PRESENCE: "believed range when heard",
-}
-
 
 def paint_shape(surface: Any, shape: np.ndarray, place: Any, colour: Any, size: int, heading: float = 0.0) -> None:
     """An outline of fixed size, nose along the heading [rad], about a pixel of a pygame surface."""
@@ -63,25 +54,25 @@ class Legend:
         """A word in the legend's letters, its upper left corner at a pixel."""
         surface.blit(self._text.render(text, True, colour), place)
 
-    def paint(self, height: int, readings: list[str]) -> Any:
-        """A surface (PANEL, height); ``readings`` are the last ones in words."""
+    def paint(self, height: int, readings: list[str], glimpse: Glimpse) -> Any:
+        """A surface (PANEL, height); ``readings`` are the last ones in words, ``glimpse`` shows how such a one is drawn."""
         from pygame import Surface
 
         panel = Surface((PANEL, height))
         panel.fill(PAPER)
         self._write_numbers(panel, readings)
-        self._explain_shapes(panel)
+        self._explain_shapes(panel, glimpse)
         return panel
 
     def _write_numbers(self, panel: Any, readings: list[str]) -> None:
         """Of a fleet the mean error, the nearest fish and the latest detection."""
         simulation, world = self._simulation, self._world
-        contacts = simulation.worlds.contacts[world]
+        silence = simulation.worlds.listeners["silence"][world]
         seconds = int(simulation.worlds.clock["step"][world] * simulation.scenario.time_step)
         numbers = {
             "time": f"{seconds // 60:02d}:{seconds % 60:02d}",
-            "range": f"{contacts['range'].min():.0f} m",
-            "last heard": f"{contacts['silence'].min():.0f} s ago" if readings else "not yet",
+            "range": f"{simulation.range[world].min():.0f} m",
+            "last heard": f"{silence.min():.0f} s ago" if readings else "not yet",
             "reading": " ".join(readings[:4]) or "none",
         }
         self.write(panel, "error of the estimate", (20, 22), FAINT)
@@ -90,7 +81,7 @@ class Legend:
             self.write(panel, name, (20, 96 + 24 * k), FAINT)
             self.write(panel, value, (115, 96 + 24 * k))
 
-    def _explain_shapes(self, panel: Any) -> None:
+    def _explain_shapes(self, panel: Any, glimpse: Glimpse) -> None:
         from pygame import draw
 
         x, rows = 34, [250 + 34 * k for k in range(7)]
@@ -101,11 +92,10 @@ class Legend:
             draw.rect(panel, BELIEF, (x + right, rows[2] + down, 2, 2))
         draw.ellipse(panel, BELIEF, (x - 13, rows[3] - 7, 26, 14), 2)
         paint_shape(panel, CROSS, (x, rows[4]), BELIEF, 1)
-        kind = self._simulation.scenario.receiver.kind
-        words += [LAST_READINGS[kind]]
-        if kind in BEARING_KINDS:
+        words += [self._simulation.scenario.belief.receiver.legend]
+        if glimpse.fan is not None:
             draw.polygon(panel, FAN, [(x - 13, rows[5]), (x + 13, rows[5] - 8), (x + 13, rows[5] + 8)])
-        if kind != ReceiverKind.STEREO:
+        if glimpse.fan is None or math.isfinite(glimpse.radius):
             draw.circle(panel, FAN, (x, rows[5]), 11, 3)
         if self._simulation.scenario.reward.perimeter > 0:
             words.append("perimeter")

@@ -28,8 +28,9 @@ READINGS = 4  # numbers that a sensor may read of one ping
 # What a vehicle believes of its own pose: place [m], heading by the compass [rad], speed through the water [m/s].
 NAVIGATION = np.dtype([(name, np.float64) for name in ("x", "y", "heading", "speed")])
 
-# One vehicle, one tag, one time [s]. `x`, `y`, `heading` as in NAVIGATION at that time; `depth` of the tag below the vehicle, which
-# it knows [m]; `arrival` is when the ping came by the receiver's clock [s], NaN where none did; `readings` are the sensor's own.
+# One vehicle, one tag, one time [s]. `x`, `y`, `heading` as in NAVIGATION at that time; `depth` of the tag below the vehicle,
+# which it knows [m]; `arrival` is when the ping came by the receiver's clock [s], NaN where none did; `readings` are the
+# sensor's own.
 MEASUREMENT = np.dtype(
     [("time", np.float64)]
     + [(name, np.int64) for name in ("vehicle", "tag", "status")]

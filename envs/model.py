@@ -70,7 +70,7 @@ def import_object(name: str) -> Any:
     try:
         module = import_module(module_name)
     except ImportError as error:
-        raise ValueError(f"{name!r}: cannot import {module_name!r} ({error}); run where it lies, or put it on PYTHONPATH") from None
+        raise ValueError(f"{name!r}: cannot import {module_name!r} ({error}); run where it lies, or set PYTHONPATH") from None
     if not hasattr(module, attribute):
         raise ValueError(f"{name!r}: {module_name} has no {attribute!r}")
     return getattr(module, attribute)

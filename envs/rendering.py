@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tagtrack.envs.legend import (
-    BEARING_KINDS,
     BELIEF,
     CROSS,
     FISH,
@@ -26,9 +25,8 @@ from tagtrack.envs.legend import (
     Legend,
     paint_shape,
 )
-from tagtrack.envs.sensors import StereoHydrophone, TimeOfFlightReceiver
-from tagtrack.envs.sensors.bearing import bearing_in_units
-from tagtrack.envs.sim.receivers import ReceiverKind
+from tagtrack.envs.measurement import measurement
+from tagtrack.envs.sensors.sensor import Glimpse
 from tagtrack.envs.simulation import Simulation
 
 FRAMES_PER_SECOND = 20
@@ -40,12 +38,11 @@ ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distr
 
 
 class Reading(NamedTuple):
-    """The last reading of a vehicle and a tag; NaN for what the receiver does not tell."""
+    """The last reading of a vehicle and a tag."""
 
     place: np.ndarray  # of the vehicle, as it believed [m]
     compass: float
-    units: float  # [Lotek]
-    radius: float  # the horizontal range [m]: of a presence receiver the one believed
+    glimpse: Glimpse
 
 
 class Picture:
@@ -67,8 +64,8 @@ class Picture:
         self._canvas = pygame.Surface((SIDE, SIDE))
         self._window: Any = None
         self._clock: Any = None
-        sides = np.linspace(math.pi, 0.0, 181)
-        self._sides, self._units = sides, np.array([bearing_in_units(side) for side in sides])  # units rise
+        sensor = simulation.scenario.belief.receiver
+        self._example = sensor.glimpse(measurement(time=0.0, x=0.0, y=0.0, readings=[1.0] * len(sensor.readings))[0], 1.0)
         self._begin()
 
     def _begin(self) -> None:
@@ -93,18 +90,13 @@ class Picture:
 
     def _read(self, v: int, t: int) -> Reading:
         worlds, world = self._simulation.worlds, self._world
-        contact, vehicle = worlds.contacts[world, v, t], worlds.vehicles[world, v]
-        kind = self._simulation.scenario.receiver.kind
-        place = np.array([vehicle["believed_x"], vehicle["believed_y"]])
-        radius = math.sqrt(max(float(contact["slant_range"]) ** 2 - float(contact["depth"]) ** 2, 0.0))
-        if kind == ReceiverKind.PRESENCE:
-            radius = float(worlds.beliefs["max_range"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
-        units = float(contact["units"]) if kind in BEARING_KINDS else math.nan
-        return Reading(place, float(vehicle["compass"]), units, math.nan if kind == ReceiverKind.STEREO else radius)
+        record = worlds.measurements[world, v, t]
+        estimated = float(worlds.beliefs["estimated"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
+        glimpse = self._simulation.scenario.belief.receiver.glimpse(record, estimated)
+        return Reading(np.array([record["x"], record["y"]]), float(record["heading"]), glimpse)
 
     def _tell_readings(self) -> list[str]:
-        told = [((f"{each.units:+.0f}", each.units), (f"{each.radius:.0f} m", each.radius)) for each in self._readings.values()]
-        return [", ".join(text for text, value in pair if math.isfinite(value)) for pair in told]
+        return [each.glimpse.words for each in self._readings.values()]
 
     def paint(self) -> np.ndarray:
         """The picture, (MAP, MAP + PANEL, 3) uint8."""
@@ -153,7 +145,7 @@ class Picture:
         picture = pygame.Surface((MAP + PANEL, MAP))
         picture.blit(pygame.transform.smoothscale(self._canvas, (MAP, MAP)), (0, 0))
         self._write_scale(picture)
-        picture.blit(self._legend.paint(MAP, self._tell_readings()), (MAP, 0))
+        picture.blit(self._legend.paint(MAP, self._tell_readings(), self._example), (MAP, 0))
         return picture
 
     def _bar(self) -> float:
@@ -173,22 +165,19 @@ class Picture:
 
     def _paint_readings(self) -> None:
         """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, and a ring at its range."""
-        receiver = self._simulation.scenario.belief.receiver
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
-        for (v, t), reading in self._readings.items():
-            fresh = math.exp(-self._simulation.worlds.contacts["silence"][self._world, v, t] / 30.0)  # it fades
-            if isinstance(receiver, (StereoHydrophone, TimeOfFlightReceiver)):
-                colour = (*VEHICLE, 20 + 60 * fresh)
-                self._paint_fan(layer, colour, reading.place, reading.compass, reading.units, receiver.bearing_sigma)
-            if math.isfinite(reading.radius):
-                colour = (*VEHICLE, (20 + 60 * fresh) * (1 + math.isfinite(reading.units)))  # to show on the fan
-                self._pygame.draw.circle(layer, colour, self._pixel(reading.place), reading.radius * self._scale, 4 * FINE)
+        for (v, t), (place, compass, glimpse) in self._readings.items():
+            fresh = math.exp(-self._simulation.worlds.listeners["silence"][self._world, v, t] / 30.0)  # it fades
+            if glimpse.fan is not None:
+                self._paint_fan(layer, (*VEHICLE, 20 + 60 * fresh), place, compass, glimpse.fan)
+            if math.isfinite(glimpse.radius):
+                colour = (*VEHICLE, (20 + 60 * fresh) * (1 + (glimpse.fan is not None)))  # to show on the fan
+                self._pygame.draw.circle(layer, colour, self._pixel(place), glimpse.radius * self._scale, 4 * FINE)
         self._canvas.blit(layer, (0, 0))
 
-    def _paint_fan(self, layer: Any, colour: Any, place: np.ndarray, compass: float, units: float, sigma: float) -> None:
-        nearer, farther = np.interp((units + sigma, units - sigma), self._units, self._sides)
+    def _paint_fan(self, layer: Any, colour: Any, place: np.ndarray, compass: float, fan: tuple[float, float]) -> None:
         for side in (1.0, -1.0):
-            angles = compass + side * np.linspace(nearer, farther, 24)
+            angles = compass + side * np.linspace(*fan, 24)
             arc = place + self._simulation.scenario.water.reach * np.stack((np.cos(angles), np.sin(angles)), axis=1)
             self._pygame.draw.polygon(layer, colour, self._pixel(np.vstack((place, arc))).tolist())
 

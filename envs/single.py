@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import gymnasium
 import numpy as np
 
 from tagtrack.envs.belief.row import BELIEF
+from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
-from tagtrack.envs.scenario import REWARD_TERMS, Scenario
-from tagtrack.envs.sim.acoustics import CONTACT
 from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.task import action_space, build_task, observation_space, require_single
+from tagtrack.envs.spaces import action_space, observation_space
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 LARGEST_DRAWN_SEED = 2**31
+HEARD = int(Status.HEARD)
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -32,14 +34,15 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Observation
 
-    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. "Belief" is the particle filter's; its
-    bearing is from the vehicle to its mean, relative to the compass heading.
+    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. The estimate is what the
+    particle filter reports: the mean of its particles, or the best one; its bearing is from the vehicle, relative to the
+    compass heading.
 
     | index | name | meaning | range |
     |---|---|---|---|
-    | 0 | distance | to the mean of the belief / 50 m | 0 to 10 |
+    | 0 | distance | to the estimate / 50 m | 0 to 10 |
     | 1 | log_distance | ln((distance + 1 m) / 15 m) | -3 to 4 |
-    | 2 | bearing_cos | of the belief's bearing relative to the heading | -1 to 1 |
+    | 2 | bearing_cos | of the estimate's bearing relative to the heading | -1 to 1 |
     | 3 | bearing_sin | the same; positive to port | -1 to 1 |
     | 4 | log_spread_along | ln(standard deviation along the line of sight / 5 m) | -4 to 5 |
     | 5 | log_spread_across | the same across it | -4 to 5 |
@@ -54,7 +57,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
-    | 17 | ping_phase | time since the tag last pinged / its period | 0 to 1 |
+    | 17 | ping_phase | time since the tag last pinged / its period; -1 before it was heard | -1 to 1 |
     | 18 | heading_cos | of the compass heading | -1 to 1 |
     | 19 | heading_sin | the same | -1 to 1 |
     | 20 | speed | through the water / largest speed | 0 to 1 |
@@ -66,8 +69,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     | index | name | meaning |
     |---|---|---|
-    | 0 | ahead | its part along the line from the vehicle to the belief's mean |
-    | 1 | port | its part to the left of that line; (0, 0) means straight on to the belief |
+    | 0 | ahead | its part along the line from the vehicle to the estimate |
+    | 1 | port | its part to the left of that line; (0, 0) means straight on to it |
     | 2 | speed | from rest (-1) to full speed (1) |
 
     ## Reward
@@ -79,8 +82,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Ending
 
-    An episode never terminates. It is truncated after the scenario's ``episode_steps`` or ``gym.make``'s
-    ``max_episode_steps``, whichever is less (both 300 as registered): for longer episodes raise both.
+    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or after as many steps as
+    ``gym.make``'s ``max_episode_steps`` says, fewer or more.
 
     ## Info
 
@@ -115,25 +118,12 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def __init__(
         self,
-        env_id: str | None = None,
+        env_id: str | Task | None = None,
         *,
-        preset: str | None = None,
-        particles: int | None = None,
-        tracks: str | Path | None = None,
-        time_scale: float | None = None,
-        overrides: Mapping[str, Any] | None = None,
-        scenario: Scenario | None = None,
         render_mode: str | None = None,
+        **options: Unpack[TaskOptions],
     ) -> None:
-        task = build_task(
-            env_id or self.default_id,
-            preset=preset,
-            particles=particles,
-            tracks=tracks,
-            time_scale=time_scale,
-            overrides=overrides,
-            scenario=scenario,
-        )
+        task = build_task(env_id or self.default_id, **options)
         require_single(task.scenario, "TagTrackEnv")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
@@ -141,6 +131,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.simulation = Simulation(task.scenario, tracks=task.tracks)
         self.observation_space = observation_space(task.scenario)
         self.action_space = action_space(task.scenario)
+        self._terms = task.scenario.reward.names
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -149,6 +140,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(LARGEST_DRAWN_SEED))
+        self._limit = episode_limit(self.simulation.scenario, None if self.spec is None else self.spec.max_episode_steps)
         self.simulation.reset(seed)
         self._begun = True
         self._show()
@@ -162,19 +154,18 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         simulation.step(np.asarray(action, np.float32)[np.newaxis, np.newaxis])
         info = self._info()
         terms = simulation.outputs.terms[0, 0]
-        info["reward_terms"] = dict(zip(REWARD_TERMS, terms.tolist(), strict=True))
-        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
+        info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
+        truncated = bool(simulation.worlds.clock["step"][0] >= self._limit)
         self._show()
         return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
 
     def _info(self) -> dict[str, Any]:
-        worlds = self.simulation.worlds
-        belief = dict(zip(BELIEF.names or (), worlds.beliefs.item(), strict=True))
-        contact = dict(zip(CONTACT.names or (), worlds.contacts.item(), strict=True))
+        simulation = self.simulation
+        belief = dict(zip(BELIEF.names or (), simulation.worlds.beliefs.item(), strict=True))
         return {
-            "localization_error": belief["error"],
-            "range": contact["range"],
-            "detected": contact["detected"],
+            "localization_error": float(simulation.outputs.error[0, 0, 0]),
+            "range": float(simulation.worlds.encounters["range"][0, 0, 0]),
+            "detected": bool(simulation.worlds.measurements["status"][0, 0, 0] == HEARD),
             "belief_mean": np.array((belief["mean_x"], belief["mean_y"])),
             "belief_covariance": np.array(((belief["xx"], belief["xy"]), (belief["xy"], belief["yy"]))),
         }

@@ -1,6 +1,6 @@
-"""What a shell is asked to run: the keyword arguments that all shells share become one scenario and its recorded tracks.
+"""What a shell is asked to run: one ``Task``, made of an id and options that all shells share.
 
-The spaces of observation and action follow from the scenario.
+Ids are resolved here and nowhere else: ours, and those that other people registered with Gymnasium for our environments.
 """
 
 from __future__ import annotations
@@ -8,18 +8,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
-from gymnasium.spaces import Box
 
-from tagtrack.envs.layout import action_names, features
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import find_stretches
 from tagtrack.envs.motions.tracks import Track, read_tracks
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.presets import find_preset
-from tagtrack.envs.scenario import Scenario, find_scenario
+from tagtrack.envs.scenario import SCENARIOS, Scenario
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+
+class TaskOptions(TypedDict, total=False):
+    """What may be asked of a task beside its id: the keyword arguments that all shells share."""
+
+    preset: str | None
+    """Other people's settings of the task (``presets.PRESETS``), instead of the id's own."""
+    particles: int | None
+    """Particles of each belief (``belief.particles``)."""
+    tracks: str | Path | None
+    """csv file of recorded tracks (``read_tracks``), one of which the fish then swims instead of its random walk."""
+    time_scale: float | None
+    """How fast it swims its track: 0.5 is half the recorded speed (``fish.time_scale``)."""
+    overrides: Mapping[str, Any] | None
+    """Dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``)."""
+    scenario: Scenario | None
+    """A whole scenario of one's own, which the other options then change."""
 
 
 class Task(NamedTuple):
@@ -28,6 +46,7 @@ class Task(NamedTuple):
     scenario: Scenario
     tracks: tuple[Track, ...] | None = None  # one for each animal
     tracks_file: str | None = None  # where they were read
+    env_id: str = "a scenario of one's own"  # with its namespace
 
     def describe_tracks(self) -> dict[str, Any] | None:
         """Which recorded animals the fish is, as plain values for JSON; None where it is none.
@@ -48,51 +67,105 @@ class Task(NamedTuple):
         }
 
 
-def build_task(
-    env_id: str,
-    *,
-    preset: str | None = None,
-    particles: int | None = None,
-    tracks: str | Path | None = None,
-    time_scale: float | None = None,
-    overrides: Mapping[str, Any] | None = None,
-    scenario: Scenario | None = None,
-) -> Task:
-    """The task of an id, changed as asked.
+def build_task(env_id: str | Task, **options: Unpack[TaskOptions]) -> Task:
+    """The task of an id, changed as asked; a ``Task`` stays what it is.
 
     Args:
-        env_id: a key of ``SCENARIOS``; not looked at where ``scenario`` is given.
-        preset: other people's settings of that task (``presets.PRESETS``), instead of the id's own.
-        particles: particles of each belief (``belief.particles``).
-        tracks: csv file of recorded tracks (``read_tracks``), one of which the fish then swims instead of its random walk.
-        time_scale: how fast it swims its track: 0.5 is half the recorded speed (``fish.time_scale``).
-        overrides: dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``).
-        scenario: a whole scenario of one's own, which the other arguments then change.
+        env_id: of ours, with or without ``TagTrack/``, or one that somebody registered for our environments; ``MODULE:ID``
+            imports a module first, as ``gymnasium.make`` does.
+        options: as ``TaskOptions`` lists them.
     Raises:
         ValueError: for an unknown id, preset or name, a value out of range, a time_scale without a track, a motion
-            beside a track, a broken track file or one without a stretch as long as an episode.
+            beside a track, a broken track file or one without a stretch as long as an episode; for options beside a Task.
         FileNotFoundError: where there is no such file.
     """
-    if preset is not None and scenario is not None:
+    unknown = sorted(set(options) - set(TaskOptions.__annotations__))
+    if unknown:
+        raise ValueError(f"unknown option {unknown[0]!r} of a task; known: {', '.join(TaskOptions.__annotations__)}")
+    if isinstance(env_id, Task):
+        given = [name for name, value in options.items() if value is not None]
+        if given:
+            raise ValueError(f"{given[0]} cannot be changed in a task that is made; build it with it")
+        return env_id
+    scenario, preset, tracks = options.get("scenario"), options.get("preset"), options.get("tracks")
+    if scenario is not None and preset is not None:
         raise ValueError(f"preset={preset!r} and a scenario are two scenarios; give one of them")
+    name = env_id if scenario is not None and env_id in SCENARIOS else full_id(env_id)
+    base = _registered_task(name) if name not in SCENARIOS else Task(SCENARIOS[name], env_id=name)
     if preset is not None:
-        find_scenario(env_id)  # a wrong id before a wrong preset
-        chosen = find_preset(env_id, preset)
-    else:
-        chosen = find_scenario(env_id) if scenario is None else scenario
-    if not isinstance(chosen, Scenario):
-        raise ValueError(f"scenario must be a tagtrack.envs.scenario.Scenario, got {chosen!r}")
+        base = base._replace(scenario=find_preset(name, preset))
+    if scenario is not None:
+        base = base._replace(scenario=scenario)
+    if not isinstance(base.scenario, Scenario):
+        raise ValueError(f"scenario must be a tagtrack.envs.scenario.Scenario, got {base.scenario!r}")
+    return _change(base, options, tracks)
+
+
+def _change(base: Task, options: TaskOptions, tracks: str | Path | None) -> Task:
+    """A task with overrides, particles and tracks as asked."""
+    overrides, time_scale = options.get("overrides"), options.get("time_scale")
     if overrides is not None and not isinstance(overrides, Mapping):
         raise ValueError(f'overrides must map dotted names to values, as {{"tag.period": 5.0}}, got {overrides!r}')
     changes = dict(overrides or {})
-    if particles is not None:
-        changes["belief.particles"] = particles
+    if options.get("particles") is not None:
+        changes["belief.particles"] = options["particles"]
     if tracks is not None:
-        return _build_replay(chosen, changes, tracks, time_scale)
-    chosen = with_overrides(chosen, changes)
+        return _build_replay(base.scenario, changes, tracks, time_scale)._replace(env_id=base.env_id)
     if time_scale is not None:
         raise ValueError(f"time_scale={time_scale!r} slows a recorded track, but none is given; add tracks=FILE")
-    return Task(chosen)
+    return base._replace(scenario=with_overrides(base.scenario, changes))
+
+
+def full_id(env_id: str) -> str:
+    """An environment's id with its namespace.
+
+    Raises:
+        ValueError: where neither we nor anybody else registered it, listing ours.
+
+    >>> full_id("LeopardShark-v0")
+    'TagTrack/LeopardShark-v0'
+    """
+    module, colon, name = str(env_id).rpartition(":")
+    if colon:
+        _import(module)
+    for known in (name, f"TagTrack/{name}"):
+        if known in SCENARIOS:
+            return known
+    if _specification(name) is not None:
+        return name
+    raise ValueError(f"unknown environment {env_id!r}; known: {', '.join(SCENARIOS)}")
+
+
+def _import(module: str) -> None:
+    from importlib import import_module
+
+    try:
+        import_module(module)
+    except ImportError as error:
+        raise ValueError(f"cannot import {module!r} ({error}); run where it lies, or put it on PYTHONPATH") from None
+
+
+def _specification(env_id: str) -> Any:
+    """Gymnasium's specification of an id for one of our environments; None where it has none."""
+    try:
+        from gymnasium.envs.registration import load_env_creator, registry
+    except ImportError:
+        return None
+    specification = registry.get(env_id)
+    if specification is None:
+        return None
+    creator: Any = specification.entry_point
+    creator = load_env_creator(creator) if isinstance(creator, str) else creator
+    return specification if hasattr(creator, "default_id") else None
+
+
+def _registered_task(env_id: str) -> Task:
+    """The task of an id that somebody registered with options of his own."""
+    options = {key: value for key, value in _specification(env_id).kwargs.items() if key != "render_mode"}
+    base = options.pop("env_id", None) or "TagTrack/LeopardShark-v0"
+    if base == env_id:
+        raise ValueError(f"{env_id} was registered with itself as env_id; name one of {', '.join(SCENARIOS)}, or give a scenario")
+    return build_task(base, **options)._replace(env_id=env_id)
 
 
 def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Path, time_scale: float | None) -> Task:
@@ -141,12 +214,18 @@ def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str
 
 
 def episode_limit(scenario: Scenario, max_episode_steps: int | None) -> int:
-    """Steps after which an episode ends: the scenario's ``episode_steps``, or fewer where a shell has a lower limit."""
+    """Steps after which an episode ends: the scenario's ``episode_steps``, unless a shell is told another number."""
     if max_episode_steps is None:
         return scenario.episode_steps
-    if not isinstance(max_episode_steps, (int, np.integer)) or max_episode_steps < 1:
+    whole = isinstance(max_episode_steps, (int, np.integer)) and not isinstance(max_episode_steps, bool)
+    if not whole or max_episode_steps < 1:
         raise ValueError(f"max_episode_steps must be a whole number of at least 1, got {max_episode_steps!r}")
-    return min(scenario.episode_steps, int(max_episode_steps))
+    if isinstance(scenario.fish, Replay) and max_episode_steps > scenario.episode_steps:
+        raise ValueError(
+            f"max_episode_steps={max_episode_steps} is beyond the {scenario.episode_steps} steps for which recorded tracks were "
+            'chosen; make it overrides={"episode_steps": ...} instead'
+        )
+    return int(max_episode_steps)
 
 
 def require_single(scenario: Scenario, shell: str) -> None:
@@ -156,14 +235,3 @@ def require_single(scenario: Scenario, shell: str) -> None:
             f"{shell} shows a single vehicle and a single tag, got vehicles={scenario.vehicles}, "
             f"targets={scenario.targets}; fleets run through tagtrack.envs.simulation.Simulation"
         )
-
-
-def observation_space(scenario: Scenario) -> Box:
-    """Of one vehicle: finite bounds, one for each of ``features``."""
-    layout = features(scenario)
-    return Box(np.array([f.low for f in layout], np.float32), np.array([f.high for f in layout], np.float32))
-
-
-def action_space(scenario: Scenario) -> Box:
-    """Of one vehicle: as many numbers in [-1, 1] as ``action_names`` has names."""
-    return Box(-1.0, 1.0, (len(action_names(scenario)),), np.float32)

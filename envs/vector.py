@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import LARGEST_DRAWN_SEED
-from tagtrack.envs.task import action_space, build_task, episode_limit, observation_space, require_single
+from tagtrack.envs.spaces import action_space, observation_space
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
 class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     """Many worlds of one task at once. World i equals a ``TagTrackEnv`` (see there) with seed + i, bit for bit.
 
     Args:
-        env_id, preset, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
+        env_id, options: as for ``TagTrackEnv``.
         num_envs: B.
-        max_episode_steps: truncates episodes before the scenario's ``episode_steps`` (``make_vec`` gives the
-            registered one).
+        max_episode_steps: truncates episodes after so many steps instead of the scenario's ``episode_steps``.
         threads: the worlds are split among so many.
         autoreset_mode: what happens to a world whose episode has ended: a new one begins at the next step, whose action
             it ignores; or in the same step, with ``final_obs`` and ``final_info`` in the info; or when
@@ -35,29 +36,16 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def __init__(
         self,
-        env_id: str = "TagTrack/LeopardShark-v0",
+        env_id: str | Task = "TagTrack/LeopardShark-v0",
         num_envs: int = 1,
         *,
         max_episode_steps: int | None = None,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        preset: str | None = None,
-        particles: int | None = None,
-        tracks: str | Path | None = None,
-        time_scale: float | None = None,
-        overrides: Mapping[str, Any] | None = None,
-        scenario: Scenario | None = None,
         render_mode: str | None = None,
+        **options: Unpack[TaskOptions],
     ) -> None:
-        task = build_task(
-            env_id,
-            preset=preset,
-            particles=particles,
-            tracks=tracks,
-            time_scale=time_scale,
-            overrides=overrides,
-            scenario=scenario,
-        )
+        task = build_task(env_id, **options)
         require_single(task.scenario, "TagTrackVectorEnv")
         if render_mode is not None:
             raise ValueError(f"render_mode must be None, got {render_mode!r}; TagTrackEnv draws a single world")

@@ -1,7 +1,7 @@
 """One step of every world, as the papers' loop reads: steer, swim, hear | predict, correct, summarize, observe | judge.
 
-The wall runs between hearing and predicting: what the belief and the observation are given of a world are its vehicles' navigation
-and their measurements. Only the referee, at the end, sets estimates beside the truth.
+The wall runs between hearing and predicting: what the belief and the observation are given of a world are its vehicles'
+navigation and their measurements. Only the referee, at the end, sets estimates beside the truth.
 
 All state stands in arrays whose axes come in one order: B worlds, V vehicles, T tags (one fish each), O belief owners, N
 particles. ``Simulation`` holds them; the loops here own nothing.

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.task import Task, build_task
+from tagtrack.envs.task import Task, build_task, full_id
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_contestants
 from tagtrack.eval.episode_record import EpisodeRecord, pool
 from tagtrack.eval.metrics import Bootstrap, Interval, ratios_to_first, summarize
-from tagtrack.eval.options import full_id
 from tagtrack.eval.report import Document, benchmark_document
 from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out
 

@@ -87,8 +87,8 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
         raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
     return load_policy(
         folder,
-        feature_names(scenario.targets, scenario.receiver.kind),
-        action_names=action_names(scenario.speed_control),
+        feature_names(scenario),
+        action_names=action_names(scenario),
         env_id=env_id,
     )
 

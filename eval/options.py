@@ -8,8 +8,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.scenario import SCENARIOS, find_scenario
-from tagtrack.envs.task import Task, build_task, parse_overrides, require_single
+from tagtrack.envs.task import Task, build_task, full_id, parse_overrides, require_single
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 
@@ -99,9 +98,3 @@ class EpisodeOptions:
                 raise ValueError(f"--{name} must be at least 1, got {getattr(self, name)}")
         if not 0 <= self.seed < 2**31:
             raise ValueError(f"--seed must be from 0 to {2**31 - 1}, got {self.seed}")
-
-
-def full_id(env: str) -> str:
-    """An environment's id with its namespace. Raises ValueError that lists the known ids."""
-    find_scenario(env)
-    return env if env in SCENARIOS else f"TagTrack/{env}"

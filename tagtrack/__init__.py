@@ -5,26 +5,30 @@ numba with it, loads only when an environment is made; ``gymnasium.make("tagtrac
 other import.
 """
 
-from gymnasium.envs.registration import register, registry
+try:
+    from gymnasium.envs.registration import register, registry
+except ModuleNotFoundError as error:  # a vehicle needs the filter and a policy, no environments
+    if error.name != "gymnasium":
+        raise
+    registry = None  # type: ignore[assignment]
 
 __version__ = "0.1.0"
 
-# Id -> class, and the steps of an episode: make_vec hands these to the vector env, which truncates by itself.
+# Id -> class. Episodes end by themselves, after the scenario's episode_steps or max_episode_steps of gymnasium.make.
 _TASKS = {
-    "TagTrack/LeopardShark-v0": ("tagtrack.envs.single:TagTrackEnv", 300),
-    "TagTrack/LeopardSharkStandoff-v0": ("tagtrack.envs.single:TagTrackEnv", 300),
-    "TagTrack/TimeOfFlight-v0": ("tagtrack.envs.time_of_flight:TimeOfFlightEnv", 300),
-    "TagTrack/RangeOnly-v0": ("tagtrack.envs.range_only:RangeOnlyEnv", 360),
-    "TagTrack/AreaOnly-v0": ("tagtrack.envs.area_only:AreaOnlyEnv", 720),
-    "TagTrack/AreaOnlyUnknownRange-v0": ("tagtrack.envs.area_only:AreaOnlyEnv", 360),
+    "TagTrack/LeopardShark-v0": "tagtrack.envs.single:TagTrackEnv",
+    "TagTrack/LeopardSharkStandoff-v0": "tagtrack.envs.single:TagTrackEnv",
+    "TagTrack/TimeOfFlight-v0": "tagtrack.envs.time_of_flight:TimeOfFlightEnv",
+    "TagTrack/RangeOnly-v0": "tagtrack.envs.range_only:RangeOnlyEnv",
+    "TagTrack/AreaOnly-v0": "tagtrack.envs.area_only:AreaOnlyEnv",
+    "TagTrack/AreaOnlyUnknownRange-v0": "tagtrack.envs.area_only:AreaOnlyEnv",
 }
 
-for _id, (_entry_point, _steps) in _TASKS.items():
+for _id, _entry_point in _TASKS.items() if registry is not None else ():
     if _id not in registry:  # importing twice, or reloading, must not warn
         register(
             id=_id,
             entry_point=_entry_point,
             vector_entry_point="tagtrack.envs.vector:TagTrackVectorEnv",
             kwargs={"env_id": _id},
-            max_episode_steps=_steps,
         )

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from tagtrack.train.config import TrainConfig, changed_fields, flatten, from_json, merge_texts, qualified_id
+from tagtrack.envs.task import full_id
+from tagtrack.train.config import TrainConfig, changed_fields, flatten, from_json, merge_texts
 
 if TYPE_CHECKING:
     from tagtrack.envs.task import Task
@@ -57,7 +58,7 @@ def begin(config: TrainConfig) -> int:
     if config.trust:
         raise ValueError("--trust goes with --resume: a new run loads no checkpoint")
     task, settings = check(config)
-    name = f"{qualified_id(config.env).split('/')[1]}-{config.algo}-seed{config.seed}"
+    name = f"{full_id(config.env).split('/')[1]}-{config.algo}-seed{config.seed}"
     with RunFolder.create(config.out, name) as folder:
         return train(config, settings, task, folder, checkpoint=None)
 
@@ -104,10 +105,9 @@ def check(config: TrainConfig) -> tuple[Task, Settings]:
     from tagtrack.train.memory import require_size
     from tagtrack.train.settings import find_settings, fit_to_steps
 
-    env_id = qualified_id(config.env)
     settings = fit_to_steps(find_settings(config), keep_worlds=config.num_envs is not None)
     task = build_task(
-        env_id,
+        config.env,
         preset=config.preset,
         particles=config.particles,
         tracks=config.tracks,

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from tagtrack.envs.scenario import find_scenario
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 Algorithm = Literal["ppo", "sac"]
@@ -82,12 +81,6 @@ def merge_texts(earlier: Texts, later: Texts) -> Texts:
     names = {text.partition("=")[0] for text in flatten(later)}
     kept = tuple(text for text in flatten(earlier) if text.partition("=")[0] not in names)
     return ((kept,) if kept else ()) + later
-
-
-def qualified_id(env: str) -> str:
-    """The id with its namespace. Raises ValueError that lists the known ids."""
-    find_scenario(env)
-    return env if env.startswith("TagTrack/") else f"TagTrack/{env}"
 
 
 def to_json(config: TrainConfig) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from tagtrack.envs.observation import action_names, features
+from tagtrack.envs.layout import action_names, features
 from tagtrack.envs.scenario import Scenario
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.train.settings import PPOSettings, Settings
@@ -17,8 +17,8 @@ def memory_of_run(scenario: Scenario, settings: Settings) -> int:
     """Memory of particles and of the steps kept for learning [B], a little below what is really taken."""
     belief = scenario.belief
     worlds = settings.num_envs * (belief.rows * belief.particles * NUMBER_BYTES + WORLD_BYTES)
-    observed = len(features(scenario.targets, scenario.receiver.kind))
-    acted = len(action_names(scenario.speed_control))
+    observed = len(features(scenario))
+    acted = len(action_names(scenario))
     if isinstance(settings, PPOSettings):
         return worlds + settings.rollout * NUMBER_BYTES * (observed + acted + 6)
     return worlds + settings.buffer * NUMBER_BYTES * (2 * observed + acted + 3)

@@ -12,7 +12,7 @@ import rich
 import torch
 
 from tagtrack.envs.overrides import describe_scenario
-from tagtrack.envs.task import Task, parse_overrides
+from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import compare
 from tagtrack.eval.contestants import PolicySpec
 from tagtrack.eval.plots import plot_learning_curve, save_figure
@@ -20,7 +20,7 @@ from tagtrack.eval.report import console_table, markdown_table, write_text
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
 from tagtrack.train.checkpoint import Checkpoint, remove_others
-from tagtrack.train.config import TrainConfig, flatten, qualified_id, to_json
+from tagtrack.train.config import TrainConfig, flatten, to_json
 from tagtrack.train.learning import build_model, load_model
 from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
@@ -34,7 +34,7 @@ TABLE_EPISODES, TABLE_SEED = 256, 1_000_000  # of the benchmarks' block
 def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder, checkpoint: Checkpoint | None) -> int:
     """Train in a folder, from the checkpoint if there is one; table, curve and path at the end. Returns the exit status."""
     torch.set_num_threads(1)  # a second thread costs more than it gives on networks this small
-    env = make_env(config, settings)
+    env = make_env(config, settings, task)
     training_seed = run_seed(SeedBlock.TRAINING, config.seed)
     if checkpoint is None:
         model = build_model(settings, env, config.seed, config.device)
@@ -51,7 +51,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     training = Training(
         folder,
         task,
-        qualified_id(config.env),
+        task.env_id,
         total=settings.steps,
         seed=config.seed,
         episodes=settings.validation_episodes,
@@ -73,19 +73,9 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     return 0
 
 
-def make_env(config: TrainConfig, settings: Settings) -> TagTrackVecEnv:
+def make_env(config: TrainConfig, settings: Settings, task: Task) -> TagTrackVecEnv:
     """The worlds to train in."""
-    return TagTrackVecEnv(
-        qualified_id(config.env),
-        settings.num_envs,
-        threads=config.threads,
-        stagger=True,
-        preset=config.preset,
-        particles=config.particles,
-        tracks=config.tracks,
-        time_scale=config.time_scale,
-        overrides=parse_overrides(flatten(config.set), config.motion),
-    )
+    return TagTrackVecEnv(task, settings.num_envs, threads=config.threads, stagger=True)
 
 
 def write_config(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder) -> None:
@@ -117,15 +107,15 @@ def count(number: int, noun: str) -> str:
 def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
     """What a trained run ends with: its curve, and its table on the terminal and in table.md."""
     draw_curve(folder)
-    write_comparison(folder, task, qualified_id(config.env))
+    write_comparison(folder, task, task.env_id)
     path = shlex.quote(str(folder.path))
-    print(f"run: {folder.path}\nmore: python -m eval benchmark {describe_task(config)} --policies three_step {path}")
+    print(f"run: {folder.path}\nmore: python -m eval benchmark {describe_task(config, task)} --policies three_step {path}")
 
 
-def describe_task(config: TrainConfig) -> str:
+def describe_task(config: TrainConfig, task: Task) -> str:
     """The options of `python -m eval` that name the task of a run."""
     given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion")}
-    options = [f"--env {qualified_id(config.env)}"]
+    options = [f"--env {task.env_id}"]
     options += [f"--{name.replace('_', '-')} {shlex.quote(str(value))}" for name, value in given.items() if value is not None]
     return " ".join([*options, *(["--set", *map(shlex.quote, flatten(config.set))] if config.set else [])])
 

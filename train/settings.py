@@ -7,9 +7,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from tagtrack.envs.task import full_id
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.eval.whole_number import read_whole_number
-from tagtrack.train.config import TrainConfig, qualified_id
+from tagtrack.train.config import TrainConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +115,7 @@ def find_settings(config: TrainConfig) -> Settings:
         ValueError: for an unknown name, a value of another kind or out of its range, and a name given twice.
     """
     own = PPOSettings() if config.algo == "ppo" else SACSettings()
-    settings = SETTINGS.get((qualified_id(config.env), config.algo), own)
+    settings = SETTINGS.get((full_id(config.env), config.algo), own)
     if config.preset is not None:
         settings = SETTINGS.get((config.preset, config.algo), settings)
     changes = _read_hyper(config, settings)

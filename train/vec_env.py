@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.task import action_space, build_task, episode_limit, observation_space, require_single
+from tagtrack.envs.spaces import action_space, observation_space
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 
 class TagTrackVecEnv(VecEnv):
@@ -25,7 +27,7 @@ class TagTrackVecEnv(VecEnv):
     beside them ``localization_error``, the episode's mean [m].
 
     Args:
-        env_id, preset, particles, tracks, time_scale, overrides, scenario: as for ``TagTrackEnv``.
+        env_id: or a ``Task``. options: as for ``TagTrackEnv``.
         num_envs, max_episode_steps, threads: as for ``TagTrackVectorEnv``.
         stagger: spread the ends of the first episodes evenly over an episode's length, lest all worlds start anew
             together; those episodes are shorter.
@@ -33,28 +35,15 @@ class TagTrackVecEnv(VecEnv):
 
     def __init__(
         self,
-        env_id: str = "TagTrack/LeopardShark-v0",
+        env_id: str | Task = "TagTrack/LeopardShark-v0",
         num_envs: int = 1,
         *,
         max_episode_steps: int | None = None,
         threads: int = 1,
         stagger: bool = False,
-        preset: str | None = None,
-        particles: int | None = None,
-        tracks: str | Path | None = None,
-        time_scale: float | None = None,
-        overrides: Mapping[str, Any] | None = None,
-        scenario: Scenario | None = None,
+        **options: Unpack[TaskOptions],
     ) -> None:
-        task = build_task(
-            env_id,
-            preset=preset,
-            particles=particles,
-            tracks=tracks,
-            time_scale=time_scale,
-            overrides=overrides,
-            scenario=scenario,
-        )
+        task = build_task(env_id, **options)
         require_single(task.scenario, "TagTrackVecEnv")
         self.simulation = Simulation(task.scenario, num_envs, threads=threads, tracks=task.tracks)
         self.render_mode = None  # the base class asks for it

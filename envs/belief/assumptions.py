@@ -40,7 +40,7 @@ class Belief:
     # paper does so after resampling: no estimate then holds particles that no reading has judged.
     renewed_share: float = 0.0
     renewed_radius: float = 300.0  # maximum particle range [m]
-    velocity_memory: float = 20.0  # over which the velocity of the particles is averaged; of a longer step it is the step's own [s]
+    velocity_memory: float = 20.0  # over which the particles' velocity is averaged; of longer steps it is the step's own [s]
     recovery: Recovery = field(default_factory=Recovery)
 
     def __post_init__(self) -> None:

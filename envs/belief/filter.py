@@ -1,15 +1,15 @@
 """The particle filter as an object of its own: it begins, predicts over any time, corrects with any measurements, and summarizes.
 
-It lives on measurements alone, wherever they come from, and knows of no fish. A measurement that comes late is dealt with by going
-back to the state before it and replaying what came since: because every draw is keyed by its step, the belief is then, bit for
-bit, what it would have been had the measurement come in time.
+It lives on measurements alone, wherever they come from, and knows of no fish. A measurement that comes late is dealt with by
+going back to the state before it and replaying what came since: because every draw is keyed by its step, the belief is then, bit
+for bit, what it would have been had the measurement come in time.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,7 +134,8 @@ class ParticleFilter:
         remember: int = 0,
         threads: int = 1,
     ) -> None:
-        for name, value, least in (("rows", rows, 1), ("vehicles", vehicles, 1), ("remember", remember, 0), ("threads", threads, 1)):
+        least_of = {"rows": (rows, 1), "vehicles": (vehicles, 1), "remember": (remember, 0), "threads": (threads, 1)}
+        for name, (value, least) in least_of.items():
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
                 raise ValueError(f"{name} must be a whole number of at least {least}, got {value!r}")
         self.belief, self.tag = belief, tag or Tag()
@@ -214,8 +215,8 @@ class ParticleFilter:
             measurements: (M,) of ``MEASUREMENT``, each for the rows about its tag; or (R, M), a row's own. Records of status
                 ABSENT are passed over. One whose time lies between two predictions divides that step in two.
         Raises:
-            ValueError: for a time, pose, depth or reading that is not finite, an unknown tag, vehicle or status, a time to come,
-                one that is no longer remembered, or a second measurement of one vehicle at one time. The belief is then as it was.
+            ValueError: for a time, pose, depth or reading that is not finite, an unknown tag, vehicle or status, a future time, one
+                that is no longer remembered, or a second measurement of one vehicle at one time; the belief is left as it was.
         """
         self._require_begun()
         told = self._told(measurements)
@@ -226,7 +227,7 @@ class ParticleFilter:
         elif told:
             self._replay(told)
 
-    def _told(self, measurements: np.ndarray) -> list[tuple[float, int, np.ndarray]]:
+    def _told(self, measurements: np.ndarray) -> list[tuple[float, int, Any]]:
         """Time, row and record of all measurements that are there, checked."""
         given = np.asarray(measurements)
         if given.dtype != MEASUREMENT or given.ndim not in (1, 2):
@@ -235,7 +236,7 @@ class ParticleFilter:
             raise ValueError(f"measurements must have a row for each of {len(self.tags)}, got {len(given)}")
         told = []
         for place in np.argwhere(given["status"] != int(Status.ABSENT)):
-            record = given[tuple(place)]
+            record: Any = given[tuple(place)]
             self._check(record)
             rows = [int(place[0])] if given.ndim == 2 else np.flatnonzero(self.tags == record["tag"]).tolist()
             if not all(self.tags[row] == record["tag"] for row in rows) or not rows:
@@ -244,7 +245,7 @@ class ParticleFilter:
             told += [(float(record["time"]), row, record) for row in rows]
         return told
 
-    def _check(self, record: np.void) -> None:
+    def _check(self, record: Any) -> None:
         if record["status"] not in list(Status):
             raise ValueError(f"{_name(record)}: status must be one of {', '.join(Status.__members__)}, got {record['status']}")
         for name in ("time", "x", "y", "heading", "depth"):
@@ -264,11 +265,12 @@ class ParticleFilter:
             least = oldest if self._remember else self.time
             raise ValueError(f"{_name(record)} is too old: the belief remembers what came after {least:g} s; raise remember")
 
-    def _place(self, step: Step, told: list[tuple[float, int, np.ndarray]]) -> None:
+    def _place(self, step: Step, told: list[tuple[float, int, Any]]) -> None:
         """Enter measurements into the step that they belong to."""
         taken = set()
         for _, row, record in told:
-            if step.measurements["status"][row, record["vehicle"]] != int(Status.ABSENT) or (row, int(record["vehicle"])) in taken:
+            there = step.measurements["status"][row, record["vehicle"]] != int(Status.ABSENT)
+            if there or (row, int(record["vehicle"])) in taken:
                 raise ValueError(f"{_name(record)}: this vehicle has told another one of that time; predict to the time of each")
             taken.add((row, int(record["vehicle"])))
         for _, row, record in told:
@@ -278,10 +280,10 @@ class ParticleFilter:
         self._workers.run(correct_rows, self._parameters, step.measurements, self.rows)
         self._corrected, self._stale = True, True
 
-    def _replay(self, told: list[tuple[float, int, np.ndarray]]) -> None:
+    def _replay(self, told: list[tuple[float, int, Any]]) -> None:
         """Go back to before the first of the measurements, and go on from there with all of them."""
         if not self._remember:
-            raise ValueError(f"the belief was corrected at {self.time:g} s already; give all measurements of a time at once, or remember")
+            raise ValueError(f"the belief was corrected at {self.time:g} s already; give all of one time together, or remember")
         steps = [Step(step.time, step.time_step, step.measurements.copy(), step.before) for step in self._steps]
         first = len(steps)
         for time in sorted({each[0] for each in told}):
@@ -350,5 +352,5 @@ def _divide(step: Step, time: float) -> list[Step]:
     return [first, Step(step.time, step.time - time, step.measurements)]
 
 
-def _name(record: np.void) -> str:
+def _name(record: Any) -> str:
     return f"the measurement of tag {record['tag']} by vehicle {record['vehicle']} at {record['time']:g} s"

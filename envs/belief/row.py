@@ -1,7 +1,7 @@
 """One belief about one tag: begin, predict, weigh what was heard or surely missed, resample, recover (Clark et al. 2013, Alg. 1).
 
-Particles are rows: x, y, heading, speed and, where a belief estimates a number of its sensor, that number. ``listeners`` (V,) hold
-what each vehicle that tells the belief something remembers; ``measurements`` (V,) what each tells at this time.
+Particles are rows: x, y, heading, speed and, where a belief estimates a number of its sensor, that number. ``listeners`` (V,)
+hold what each vehicle that tells the belief something remembers; ``measurements`` (V,) what each tells at this time.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class Native:
         return int(self._code.address)
 
     def _compile(self) -> Any:
-        options = {"fastmath": FAST_MATHS, "error_model": "numpy"}
+        options: dict[str, Any] = {"fastmath": FAST_MATHS, "error_model": "numpy"}
         try:
             try:
                 return numba.cfunc(self.signature.type, cache=True, **options)(self.function)
@@ -145,6 +145,6 @@ def require_functions(model: type, **wanted: Signature) -> None:
         if function is None:
             continue
         if not isinstance(function, Native):
-            raise TypeError(f"{model.__name__}.{name} must be decorated as a function of a model, {signature!r}, got {function!r}")
+            raise TypeError(f"{model.__name__}.{name} must be decorated as the model's {signature!r}, got {function!r}")
         if function.signature is not signature:
             raise TypeError(f"{model.__name__}.{name} must be {signature!r}, got {function!r}")

@@ -13,7 +13,7 @@ import numpy as np
 
 
 def record_type(parameters: Any) -> np.dtype:
-    """Structured dtype of a dataclass instance of numbers, flags, enumerations, tuples of numbers (of whole ones where all are) and such dataclasses."""
+    """Structured dtype of a dataclass instance of numbers, flags, enumerations, tuples of numbers and such dataclasses."""
     fields = []
     for field in dataclasses.fields(parameters):
         value = getattr(parameters, field.name)

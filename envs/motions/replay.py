@@ -20,7 +20,8 @@ from tagtrack.envs.motions.motion import BEGIN, FOLLOW, Path
 from tagtrack.envs.motions.tracks import LONGEST_GAP, Track, find_unbroken
 from tagtrack.envs.validation import require, settle_numbers
 
-START_ROW, END_ROW, TURN, START_X, START_Y = range(5)  # places in the memory: rows of the table, the track's turn [rad], a place [m]
+# Places in the memory: rows of the table, the angle by which the track is turned [rad], where the fish starts [m].
+START_ROW, END_ROW, TURN, START_X, START_Y = range(5)
 
 
 @native(BEGIN)

@@ -10,8 +10,9 @@ from tagtrack.envs.kernels.calling import Native, Signature, number, numbers, re
 from tagtrack.envs.model import Model
 
 # What a step came to for one vehicle. `time` since the episode began [s]; `error` the mean localization error over the tags and
-# `worst_error` the largest, `spread` the standard deviation of the belief, mean over the tags [m]; `range` to the nearest fish and
-# `separation` to the nearest other vehicle, infinite without one [m]; `speed` through the water [m/s]; `heard`, `tags` counts.
+# `worst_error` the largest, `spread` the standard deviation of the belief, mean over the tags [m]; `range` to the nearest fish
+# and `separation` to the nearest other vehicle, infinite without one [m]; `speed` through the water [m/s]; `heard`, `tags`
+# counts.
 OUTCOME = np.dtype(
     [
         (name, np.float64)

@@ -30,9 +30,9 @@ from tagtrack.envs.model import Model
 DRAWS = 2  # numbers that the truth may draw for each episode and tag
 
 # The truth about one vehicle and one tag, which a sensor draws from and no belief ever sees. `x`, `y`, `heading` of the vehicle,
-# place and `depth` of the fish below it, horizontal `range` and slant `distance` [m, rad]; when the ping was sent, `ping`, and the
-# tag's first one [s], its `period`; `clock_error` by which the receiver takes a ping for later than it was [s]; `drawn` for the
-# episode (`Sensor.draws`); `noisy`: a burst of losses; whether the tag `pinged` and was `heard` at this step.
+# place and `depth` of the fish below it, horizontal `range` and slant `distance` [m, rad]; when the ping was sent, `ping`, and
+# the tag's first one [s], its `period`; `clock_error` by which the receiver takes a ping for later than it was [s]; `drawn` for
+# the episode (`Sensor.draws`); `noisy`: a burst of losses; whether the tag `pinged` and was `heard` at this step.
 ENCOUNTER = np.dtype(
     [(name, np.bool_) for name in ("noisy", "pinged", "heard")]
     + [
@@ -59,8 +59,8 @@ READ = Signature(
     parameters=numbers,
 )
 # Multiplies the weights (N,) of particles (4 or more, N: x, y, heading, speed, and the estimated number) by the likelihood of a
-# heard ping or, where the sensor weighs silence, of a missed one. `floor` is the least that a weight is multiplied by, `work` (N,)
-# a row to work in.
+# heard ping or, where the sensor weighs silence, of a missed one. `floor` is the least that a weight is multiplied by, `work`
+# (N,) a row to work in.
 WEIGH = Signature(
     "weigh",
     nothing,

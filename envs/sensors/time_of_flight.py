@@ -118,7 +118,7 @@ class TimeOfFlightReceiver(Sensor):
     misread: float = read_by(TRUTH, 0.0026)  # share of the codes that are read as the one before them (Table I: 4 of 1546)
     code_spacing: float = read_by(TRUTH, 0.04876)  # between the codes of a burst [s] (Table I: 0.04875 and 0.04896): 73 m
     measurements: Measurements = read_by(BELIEF, Measurements.BOTH)  # which reading weighs the particles
-    largest_jump: float = read_by(BELIEF, 50.0)  # Delta d_max of Alg. 1, from one range to the next [m]; a ping beyond is not used
+    largest_jump: float = read_by(BELIEF, 50.0)  # Delta d_max of Alg. 1: from range to range [m]; a ping beyond is not used
     name: ClassVar[str] = "time_of_flight"
     readings: ClassVar[tuple[str, ...]] = ("units", "slant_range")
     hydrophones: ClassVar[int] = 2

@@ -154,7 +154,9 @@ def run_missions(setting: Setting) -> Findings:
 
 
 def mission_rows(name: str, missions: Sequence[Recording], variant: Variant) -> list[Row]:
-    beliefs = np.array([mission.belief[round(SETTLING / TIME_STEP) :] for mission in missions])
+    settled = round(SETTLING / TIME_STEP)
+    beliefs = np.array([mission.belief[settled:] for mission in missions])
+    errors = np.array([mission.error[settled:] for mission in missions])
     return [
         make_row(
             values,
@@ -166,7 +168,7 @@ def mission_rows(name: str, missions: Sequence[Recording], variant: Variant) -> 
             unit="m",
             note=variant.note or NOTE_V,
         )
-        for column, values in figures_of(beliefs).items()
+        for column, values in figures_of(errors, beliefs).items()
     ]
 
 
@@ -192,12 +194,12 @@ def rate_rows(missions: Sequence[Recording]) -> list[Row]:
 def signals_a_minute(mission: Recording) -> Floats:
     """Usable signals in each sixty seconds (K - 59,), running."""
     minute = round(60 / TIME_STEP)
-    return np.convolve(mission.contact["detected"][1:], np.ones(minute), mode="valid")
+    return np.convolve(mission.detected[1:].astype(float), np.ones(minute), mode="valid")
 
 
-def figures_of(beliefs: np.ndarray) -> Mapping[str, Floats]:
-    """The columns of Table V (M,) [m] from beliefs (M, K)."""
-    error, sigma_x, sigma_y = beliefs["error"], np.sqrt(beliefs["xx"]), np.sqrt(beliefs["yy"])
+def figures_of(error: Floats, beliefs: np.ndarray) -> Mapping[str, Floats]:
+    """The columns of Table V (M,) [m] from errors [m] and beliefs, each (M, K)."""
+    sigma_x, sigma_y = np.sqrt(beliefs["xx"]), np.sqrt(beliefs["yy"])
     return {
         "avg error": error.mean(axis=1),
         "min error": error.min(axis=1),
@@ -211,10 +213,9 @@ def figures_of(beliefs: np.ndarray) -> Mapping[str, Floats]:
 
 def draw_typical(missions: Sequence[Recording]) -> dict[str, Figure]:
     """Path and course of the mission with the median error (Fig. 8)."""
-    errors = [mission.belief["error"].mean() for mission in missions]
+    errors = [mission.error.mean() for mission in missions]
     mission = missions[int(np.argsort(errors)[(len(errors) - 1) // 2])]
-    vehicle = np.stack([mission.vehicle["x"], mission.vehicle["y"]], axis=-1)
-    track = Track(fish=mission.fish, vehicle=vehicle, belief=mean_of(mission.belief))
+    track = Track(fish=mission.fish, vehicle=mission.vehicle, belief=mean_of(mission.belief))
     path = plot_track({"auv2Track": track}, title="twin of auv2Track, the mission with the median error")
     return {"clark2013_fig_8a": path, "clark2013_fig_8b": plot_course(mission)}
 
@@ -224,7 +225,7 @@ def plot_course(mission: Recording) -> Figure:
     figure, (above, below) = empty_figure(width=9.0, height=5.5, rows=2)
     time = TIME_STEP * np.arange(mission.belief.size)
     belief = mission.belief
-    curves = {"error": belief["error"], "σ_x": np.sqrt(belief["xx"]), "σ_y": np.sqrt(belief["yy"])}
+    curves = {"error": mission.error, "σ_x": np.sqrt(belief["xx"]), "σ_y": np.sqrt(belief["yy"])}
     for (name, values), colour in zip(curves.items(), COLOURS, strict=False):
         above.plot(time, values, color=colour, lw=0.9, label=name)
     rate = signals_a_minute(mission)

@@ -87,7 +87,14 @@ def _record_batch(simulation: Simulation, seed: int, on_step: Callable[[int], No
     observation = simulation.reset(seed)
     worlds, steps = simulation.worlds, simulation.scenario.episode_steps
     policy, state = make_baseline("three_step", simulation), None
-    sources = (worlds.vehicles[:, 0], worlds.contacts[:, 0, 0], worlds.fish[:, 0, :2, 0], worlds.beliefs[:, 0, 0])
+    sources = (
+        worlds.measurements[:, 0, 0],
+        worlds.navigation[:, 0],
+        worlds.vehicles[["x", "y"]][:, 0],
+        worlds.fish[:, 0, :2, 0],
+        worlds.beliefs[:, 0, 0],
+        simulation.error[:, 0, 0],
+    )
     records = [np.empty((array.shape[0], steps + 1, *array.shape[1:]), array.dtype) for array in sources]
     for step in range(steps + 1):
         if step:
@@ -99,9 +106,18 @@ def _record_batch(simulation: Simulation, seed: int, on_step: Callable[[int], No
                 on_step(simulation.num_worlds)
         for record, array in zip(records, sources, strict=True):
             record[:, step] = array
-    time_step = simulation.scenario.time_step
+    scenario = simulation.scenario
     return [
-        Recording(vehicle=vehicle, contact=contact, fish=fish.astype(np.float64), belief=belief, time_step=time_step)
-        for vehicle, contact, fish, belief in zip(*records, strict=True)
+        Recording(
+            measurement=measurement,
+            navigation=navigation,
+            vehicle=np.stack([vehicle["x"], vehicle["y"]], axis=-1),
+            fish=fish.astype(np.float64),
+            belief=belief,
+            error=error,
+            time_step=scenario.time_step,
+            tag=scenario.tag,
+        )
+        for measurement, navigation, vehicle, fish, belief, error in zip(*records, strict=True)
     ]
 

@@ -21,7 +21,7 @@ from tagtrack.envs.sensors import Measurements
 from tagtrack.eval.papers.clark2013_twin import TIME_STEP, printed_filter, record_missions
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.lin2013_ranging import ACTIVE_SECONDS, BOAT
-from tagtrack.eval.papers.lin2013_twin import Floats
+from tagtrack.eval.papers.lin2013_twin import Floats, with_measurements
 from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.printed import LIN2013_FACTOR, LIN2013_FIG_8, LIN2013_TABLE_IV
 from tagtrack.eval.plots import COLOURS, INK, empty_figure
@@ -108,7 +108,7 @@ def run_localization(setting: Setting) -> Findings:
             )
         recorded = missions[variant.boat]
         errors = localize(recorded, variant, scenario.belief, setting)
-        distance = np.array([mission.contact["range"][1:] for mission in recorded])
+        distance = np.array([mission.range[1:] for mission in recorded])
         rows += rows_of_table(variant, errors)
         by_distance += rows_by_distance(variant, errors, distance)
         boxes["Fig. 11" + variant.changed] = (errors, distance)
@@ -121,7 +121,8 @@ def localize(missions: Sequence[Recording], variant: Variant, on_board: Belief, 
     """Errors (missions, trials, K) [m] by measurements."""
     errors = {}
     for name, measurements in MEASUREMENTS.items():
-        belief = replace(on_board, recovery=variant.recovery, measurements=measurements)
+        receiver = with_measurements(on_board.receiver, measurements)
+        belief = replace(on_board, recovery=variant.recovery, receiver=receiver)
         trials = trials_of(variant, setting.size)
         errors[name] = np.array(
             [

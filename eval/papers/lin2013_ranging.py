@@ -120,17 +120,17 @@ def tied_distance(time: Floats) -> Floats:
 
 def measure_active(mission: Recording, generator: np.random.Generator) -> Comparison:
     """The vehicle after the boat, hours after t_0 was corrected; the boat's place by its GPS, the vehicle's as it believes it."""
-    clock = TIME_STEP * np.arange(mission.contact.size)
+    clock = TIME_STEP * np.arange(mission.fish.shape[0])
     begin = ADJACENT + SINCE_CORRECTION
 
     def distance(time: Floats) -> Floats:
-        return np.where(time < begin, 0.0, np.interp(time - begin, clock, mission.contact["range"]))
+        return np.where(time < begin, 0.0, np.interp(time - begin, clock, mission.range))
 
     time, calculated = range_pings(distance, begin, ACTIVE_SECONDS, generator)
-    believed = np.stack([mission.vehicle["believed_x"], mission.vehicle["believed_y"]], axis=-1)
+    believed = np.stack([mission.navigation["x"], mission.navigation["y"]], axis=-1)
     apart = mission.fish - believed
     boat = np.stack([np.interp(time, clock, apart[:, axis]) + gps_error(time, generator) for axis in range(2)], axis=-1)
-    true = np.interp(time, clock, mission.contact["range"])
+    true = np.interp(time, clock, mission.range)
     return Comparison(time=time, true=true, actual=np.hypot(*boat.T), calculated=calculated)
 
 

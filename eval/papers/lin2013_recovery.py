@@ -19,7 +19,7 @@ from tagtrack.envs.scenario import TIME_OF_FLIGHT
 from tagtrack.envs.sensors import Measurements
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
-from tagtrack.eval.papers.lin2013_twin import Floats
+from tagtrack.eval.papers.lin2013_twin import Floats, with_measurements
 from tagtrack.eval.plots import COLOURS, empty_figure
 
 if TYPE_CHECKING:
@@ -79,7 +79,8 @@ def run_recovery(setting: Setting) -> Findings:
     pictures = {}
     for variant in VARIANTS:
         particles = max(setting.size.particles // variant.fewer, 1)
-        belief = replace(TIME_OF_FLIGHT.belief, particles=particles, measurements=variant.measurements)
+        receiver = with_measurements(TIME_OF_FLIGHT.belief.receiver, variant.measurements)
+        belief = replace(TIME_OF_FLIGHT.belief, particles=particles, receiver=receiver)
         errors = {way: errors_astray(replace(belief, recovery=recovery_of(variant, way)), setting) for way in WAYS}
         rows += rows_of(variant, errors)
         if variant is VARIANTS[0]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tagtrack.envs.sensors import Measurements, Sensor, TimeOfFlightReceiver
 from tagtrack.eval.field.calibration import calibrate
 from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
 from tagtrack.eval.field.time_of_flight import TagClock
@@ -41,3 +43,9 @@ def paper_clock(arrival: Floats) -> TagClock:
 def bursts(tag: CodedTag, duration: float) -> int:
     """How many a record holds: what progress is counted in."""
     return round(duration / tag.burst_period)
+
+
+def with_measurements(receiver: Sensor, measurements: Measurements) -> Sensor:
+    """The receiver of a belief that weighs by these readings."""
+    assert isinstance(receiver, TimeOfFlightReceiver)
+    return replace(receiver, measurements=measurements)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tagtrack.envs.belief.assumptions import AOTT, Belief
+from tagtrack.envs.sensors import PresenceReceiver
 from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.masmitja2020_twin import (
@@ -74,7 +75,7 @@ class Variant:
 VARIANTS = (
     Variant(suffix="", note=NOTE),
     Variant(suffix=", published weights", belief=PUBLISHED, note=ON_PUBLISHED),
-    Variant(suffix=", Cauchy weights", belief=replace(AOTT, heavy_tails=True), note=ON_TAILS),
+    Variant(suffix=", Cauchy weights", belief=replace(AOTT, receiver=PresenceReceiver(heavy_tails=True)), note=ON_TAILS),
     Variant(suffix=", reception known", told=True, note=ON_KNOWN),
     Variant(suffix=", random walk", wandering=True, note=ON_WANDERING),
 )

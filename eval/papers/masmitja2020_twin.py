@@ -43,7 +43,7 @@ WANDERING = MomentumRandomWalk(speed_sigma=0.005, turn_sigma=0.02, max_speed=0.3
 # The weights of the first author's published filter (github.com/imasmitja/RLforUTracking, tracking/target_pf.py, "area"): a
 # Cauchy distribution of these scales [m].
 PUBLISHED = replace(
-    AOTT, heavy_tails=True, receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=1.0, silence_sigma=40.0)
+    AOTT, receiver=PresenceReceiver(max_range=MAX_RANGE, detection_sigma=1.0, silence_sigma=40.0, heavy_tails=True)
 )
 
 
