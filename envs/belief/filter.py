@@ -215,8 +215,8 @@ class ParticleFilter:
             measurements: (M,) of ``MEASUREMENT``, each for the rows about its tag; or (R, M), a row's own. Records of status
                 ABSENT are passed over. One whose time lies between two predictions divides that step in two.
         Raises:
-            ValueError: for a time, pose, depth or reading that is not finite, an unknown tag, vehicle or status, a future time, one
-                that is no longer remembered, or a second measurement of one vehicle at one time; the belief is left as it was.
+            ValueError: for a time, pose, depth or reading that is not finite, an unknown tag, vehicle or status, a time to come
+                or no longer remembered, or a second measurement of one vehicle at one time; the belief is left as it was.
         """
         self._require_begun()
         told = self._told(measurements)
