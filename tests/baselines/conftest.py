@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.layout import feature_names
-from tagtrack.envs.observation import LENGTH, SILENCE_SCALE
+from tagtrack.envs.observation import SILENCE_SCALE
 from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.scenario import find_scenario
+from tagtrack.envs.scenario import Scenario, find_scenario
 from tagtrack.envs.simulation import Simulation
 
 EXACT = {"vehicle.compass_sigma": 0.0, "vehicle.fix_sigma": 0.0, "vehicle.drift_sigma": 0.0}
@@ -42,7 +42,7 @@ def sight() -> Callable[..., np.ndarray]:
         *, distance: Any = 50.0, bearing: Any = 0.0, heading: Any = 0.0, silence: Any = 0.0, ping_phase: Any = 0.0
     ) -> np.ndarray:
         columns = {
-            "distance": np.asarray(distance) / LENGTH,
+            "distance": np.asarray(distance) / Scenario().scale.length,
             "bearing_cos": np.cos(np.radians(bearing)),
             "bearing_sin": np.sin(np.radians(bearing)),
             "silence": np.log1p(silence) / SILENCE_SCALE,
@@ -51,9 +51,10 @@ def sight() -> Callable[..., np.ndarray]:
             "heading_sin": np.sin(np.radians(heading)),
         }
         rows = np.atleast_1d(np.broadcast_arrays(*columns.values())[0]).shape[0]
-        observation = np.zeros((rows, len(feature_names())), np.float32)
+        names = feature_names(Scenario())
+        observation = np.zeros((rows, len(names)), np.float32)
         for name, value in columns.items():
-            observation[:, feature_names().index(name)] = value
+            observation[:, names.index(name)] = value
         return observation
 
     return make
