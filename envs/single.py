@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 LARGEST_DRAWN_SEED = 2**31
 HEARD = int(Status.HEARD)
+_FIELDS = list(BELIEF.names or ())
+MEANS = slice(_FIELDS.index("mean_x"), _FIELDS.index("mean_y") + 1)  # places in a belief's record
+SPREADS = slice(_FIELDS.index("xx"), _FIELDS.index("xy") + 1)
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -132,6 +135,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space = observation_space(task.scenario)
         self.action_space = action_space(task.scenario)
         self._terms = task.scenario.reward.names
+        worlds = self.simulation.worlds  # kept, for looking them up costs
+        self._belief, self._error = worlds.beliefs, self.simulation.outputs.error
+        self._range, self._status = worlds.encounters["range"], worlds.measurements["status"]
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -160,14 +166,14 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
 
     def _info(self) -> dict[str, Any]:
-        simulation = self.simulation
-        belief = dict(zip(BELIEF.names or (), simulation.worlds.beliefs.item(), strict=True))
+        belief = self._belief.item()
+        xx, yy, xy = belief[SPREADS]
         return {
-            "localization_error": float(simulation.outputs.error[0, 0, 0]),
-            "range": float(simulation.worlds.encounters["range"][0, 0, 0]),
-            "detected": bool(simulation.worlds.measurements["status"][0, 0, 0] == HEARD),
-            "belief_mean": np.array((belief["mean_x"], belief["mean_y"])),
-            "belief_covariance": np.array(((belief["xx"], belief["xy"]), (belief["xy"], belief["yy"]))),
+            "localization_error": self._error.item(),
+            "range": self._range.item(),
+            "detected": self._status.item() == HEARD,
+            "belief_mean": np.array(belief[MEANS]),
+            "belief_covariance": np.array(((xx, xy), (xy, yy))),
         }
 
     def _show(self) -> None:
