@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.layout import feature_names
-from tagtrack.envs.observation import LENGTH, SILENCE_SCALE
+from tagtrack.envs.observation import SILENCE_SCALE
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import find_scenario
 from tagtrack.envs.simulation import Simulation
 
+SCENARIO = find_scenario("LeopardShark-v0")
 EXACT = {"vehicle.compass_sigma": 0.0, "vehicle.fix_sigma": 0.0, "vehicle.drift_sigma": 0.0}
 STILL = {"fish.max_speed": 1e-9, "belief.motion.max_speed": 1e-9}
 
@@ -42,7 +43,7 @@ def sight() -> Callable[..., np.ndarray]:
         *, distance: Any = 50.0, bearing: Any = 0.0, heading: Any = 0.0, silence: Any = 0.0, ping_phase: Any = 0.0
     ) -> np.ndarray:
         columns = {
-            "distance": np.asarray(distance) / LENGTH,
+            "distance": np.asarray(distance) / SCENARIO.scale.length,
             "bearing_cos": np.cos(np.radians(bearing)),
             "bearing_sin": np.sin(np.radians(bearing)),
             "silence": np.log1p(silence) / SILENCE_SCALE,
@@ -51,9 +52,9 @@ def sight() -> Callable[..., np.ndarray]:
             "heading_sin": np.sin(np.radians(heading)),
         }
         rows = np.atleast_1d(np.broadcast_arrays(*columns.values())[0]).shape[0]
-        observation = np.zeros((rows, len(feature_names())), np.float32)
+        observation = np.zeros((rows, len(feature_names(SCENARIO))), np.float32)
         for name, value in columns.items():
-            observation[:, feature_names().index(name)] = value
+            observation[:, feature_names(SCENARIO).index(name)] = value
         return observation
 
     return make

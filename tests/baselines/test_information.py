@@ -9,9 +9,10 @@ from scipy.special import ndtr
 
 from tagtrack.baselines.information import Information, expect_track
 from tagtrack.baselines.information_loops import add_up_information
-from tagtrack.baselines.reading_tables import normal_cdf, tabulate_chance, tabulate_likelihood
+from tagtrack.baselines.reading_tables import tabulate_readings
 from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.scenario import SCENARIOS
+from tagtrack.envs.sensors.presence import normal_cdf
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
 
@@ -23,7 +24,7 @@ def information_of(particles: list[tuple[float, float]], headings: list[float], 
     """(K,) what one ping tells a vehicle at the origin on each heading [degrees] about particles at these places [m]."""
     x, y = np.array(particles, np.float32).T[:, None, :]
     angle = np.radians(np.array(headings, np.float32)).reshape(1, -1, 1)
-    likelihood = tabulate_likelihood(Belief(weight_floor=0.0), Water())
+    likelihood = tabulate_readings(Belief(weight_floor=0.0), Water()).likelihood
     entropy = -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1)
     information = np.zeros((1, len(headings)), np.float32)
     zero = np.zeros_like(angle)
@@ -44,7 +45,7 @@ def test_information_is_worth_the_chance_of_hearing_it() -> None:
 
 
 def test_readings_beyond_the_edge_of_hearing_tell_nothing() -> None:
-    chance = tabulate_chance(Water(), Belief())
+    chance = tabulate_readings(Belief(), Water()).chance
     assert chance[0] == pytest.approx(0.8 * 0.93**2 + 0.2 * 0.15**2, rel=1e-3)
     assert chance[100] == pytest.approx(chance[0] / 4, rel=0.1)  # at L either hydrophone hears half
     assert chance[-1] < 1e-12
@@ -52,7 +53,7 @@ def test_readings_beyond_the_edge_of_hearing_tell_nothing() -> None:
 
 def test_likelihood_peaks_at_the_units_of_equation_5() -> None:
     """Ahead is 90 degrees from the perpendicular: -0.729 + 0.162 + 8.523 - 0.2757 = 7.68 units; abeam -0.28, astern -8.18."""
-    likelihood = tabulate_likelihood(Belief(), Water())
+    likelihood = tabulate_readings(Belief(), Water()).likelihood
     np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-5)
     astern, abeam, ahead = (likelihood[row].argmax() - 9 for row in (0, len(likelihood) // 2, -1))
     assert (astern, abeam, ahead) == (-8, 0, 8)
@@ -67,8 +68,7 @@ def test_normal_chance_keeps_its_digits_far_from_the_mean() -> None:
 def test_planner_turns_off_the_line_to_tell_port_from_starboard(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
     simulation = make_simulation()
     simulation.reset(seed=0)
-    vehicle = simulation.worlds.vehicles[0, 0]
-    vehicle["believed_x"] = vehicle["believed_y"] = vehicle["compass"] = vehicle["speed"] = 0.0
+    simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0)
     side = np.where(np.arange(64) % 2 == 0, 1.0, -1.0)
     simulation.worlds.particles[0, 0, 0, 0] = 30.0
     simulation.worlds.particles[0, 0, 0, 1] = 30.0 * side
@@ -96,7 +96,7 @@ def test_planner_expects_the_vehicle_where_it_goes(make_exact_simulation: Make) 
     scenario = simulation.scenario
     course = np.array([0.3, 2.0, -1.5])
     expected = expect_track(
-        simulation.worlds.vehicles[:, 0].copy(), course[:, None], scenario.vehicle, scenario.time_step, steps=20
+        simulation.worlds.navigation[:, 0].copy(), course[:, None], scenario.vehicle, scenario.time_step, steps=20
     )
     for s in range(20):
         line = np.arctan2(*(simulation.mean[:, 0, 0] - simulation.vehicle_position[:, 0]).T[::-1])
@@ -108,10 +108,11 @@ def test_planner_expects_the_vehicle_where_it_goes(make_exact_simulation: Make) 
 def test_planner_keeps_out_of_its_perimeter(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
     simulation = make_simulation()
     simulation.reset(seed=0)
-    vehicle = simulation.worlds.vehicles[0, 0]
-    simulation.worlds.beliefs["mean_x"] = vehicle["believed_x"] + 32.0
-    simulation.worlds.beliefs["mean_y"] = vehicle["believed_y"]
-    observation = sight(distance=32.0, heading=np.degrees(vehicle["compass"]), bearing=-np.degrees(vehicle["compass"]))
+    navigation = simulation.worlds.navigation[0, 0]
+    simulation.worlds.beliefs["mean_x"] = navigation["x"] + 32.0
+    simulation.worlds.beliefs["mean_y"] = navigation["y"]
+    heading = np.degrees(navigation["heading"])
+    observation = sight(distance=32.0, heading=heading, bearing=-heading)
     action, _ = Information(simulation=simulation, perimeter=31.0).predict(observation)
     assert abs(course_of(action)[0]) >= 60
 
@@ -119,7 +120,7 @@ def test_planner_keeps_out_of_its_perimeter(make_simulation: Make, sight: Sight,
 def test_range_tells_which_of_two_places_ahead_is_right_and_nothing_about_two_abeam() -> None:
     """Particles 100 m apart along the line of sight: one bit; mirrored across it: none."""
     scenario = SCENARIOS["TagTrack/RangeOnly-v0"]
-    likelihood = tabulate_likelihood(scenario.belief, scenario.water)
+    likelihood = tabulate_readings(scenario.belief, scenario.water).likelihood
     np.testing.assert_allclose(likelihood.sum(axis=1), 1.0, rtol=1e-5)
     assert presence_or_range([(200, 0), (300, 0)], likelihood) == pytest.approx(math.log(2), abs=1e-3)
     assert presence_or_range([(200, 100), (200, -100)], likelihood) == pytest.approx(0.0, abs=1e-5)
@@ -127,10 +128,10 @@ def test_range_tells_which_of_two_places_ahead_is_right_and_nothing_about_two_ab
 
 def test_presence_tells_most_at_the_edge_and_little_within() -> None:
     scenario = SCENARIOS["TagTrack/AreaOnly-v0"]
-    likelihood = tabulate_likelihood(scenario.belief, scenario.water)
+    likelihood = tabulate_readings(scenario.belief, scenario.water).likelihood
     across_edge, within = (presence_or_range([(near, 0), (near + 150, 0)], likelihood) for near in (265, 20))
     assert across_edge > 10 * within > 0
-    assert tabulate_chance(scenario.water, scenario.belief).tolist() == [1.0]  # silence tells, too
+    assert tabulate_readings(scenario.belief, scenario.water).chance.tolist() == [1.0]  # silence tells, too
 
 
 def presence_or_range(particles: list[tuple[float, float]], likelihood: np.ndarray) -> float:

@@ -121,12 +121,14 @@ def test_wrong_layouts_are_refused(make_simulation: Make, sight: Sight) -> None:
 
 
 def test_first_of_several_tags_is_tracked(make_simulation: Make, course_of: Callable[..., np.ndarray]) -> None:
-    simulation = make_simulation(targets=2)
-    observation = simulation.reset(seed=4)[:, 0]
-    action, _ = make_baseline("stationary", simulation).predict(observation)
-    away = simulation.mean[0, 0, 0] - np.array(
-        [simulation.worlds.vehicles[0, 0]["believed_x"], simulation.worlds.vehicles[0, 0]["believed_y"]]
-    )
-    course = np.degrees(np.arctan2(away[1], away[0])) + course_of(action)[0]
-    turn = course - np.degrees(simulation.worlds.vehicles[0, 0]["compass"])
-    assert turn % 360 == pytest.approx(135, abs=1e-2)
+    """By the line to its estimate or by the own heading, whatever actions are relative to: the same course."""
+    for frame in ("line", "heading", "auto"):
+        simulation = make_simulation(targets=2, steer_by=frame)
+        observation = simulation.reset(seed=4)[:, 0]
+        action, _ = make_baseline("stationary", simulation).predict(observation)
+        navigation = simulation.worlds.navigation[0, 0]
+        heading = float(navigation["heading"])
+        away = simulation.mean[0, 0, 0] - np.array([navigation["x"], navigation["y"]])
+        reference = np.arctan2(away[1], away[0]) if frame == "line" else heading
+        turn = np.degrees(reference - heading) + course_of(action)[0]
+        assert turn % 360 == pytest.approx(135, abs=1e-2)
