@@ -37,7 +37,7 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"overrides": {"tag.period": float("nan")}}, "Tag.period must be finite, got nan"),
         ({"overrides": {"water.reach": "far"}}, "water.reach must be a number, got 'far'"),
         ({"overrides": {"belief": "kalman"}}, "belief must be one of standard, acoustic_ss, .*, got 'kalman'"),
-        ({"overrides": {"belief.weighting": "loudness"}}, "one of bearing, strength, combined, got 'loudness'"),
+        ({"overrides": {"belief.receiver.weighting": "loudness"}}, "one of bearing, strength, combined, got 'loudness'"),
         ({"overrides": {"episode_steps": 0}}, "episode_steps must be a whole number of at least 1, got 0"),
         ({"overrides": ["tag.period"]}, "overrides must map dotted names to values"),
         ({"scenario": "LeopardShark"}, "scenario must be a tagtrack.envs.scenario.Scenario, got 'LeopardShark'"),
