@@ -196,11 +196,11 @@ class Simulation:
 
     def save_state(self) -> tuple[np.ndarray, ...]:
         """A copy of the whole state, for ``load_state``."""
-        return tuple(array.copy() for array in (*self.worlds, *self.outputs))
+        return tuple(array.copy() for array in (*self.worlds, *self.outputs, self._begun))
 
     def load_state(self, state: tuple[np.ndarray, ...]) -> None:
         """Return to a state that ``save_state`` gave (of a simulation of the same shape)."""
-        for own, saved in zip((*self.worlds, *self.outputs), state, strict=True):
+        for own, saved in zip((*self.worlds, *self.outputs, self._begun), state, strict=True):
             np.copyto(own, saved)
 
     def close(self) -> None:

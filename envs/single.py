@@ -12,7 +12,7 @@ from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
-from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+from tagtrack.envs.task import Task, TaskOptions, build_task, require_single
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -56,7 +56,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | 10 | last_strength | last signal strength / 50; 0 before the first | -2 to 4 |
     | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
     | 12 | heard_long | the same over some 33 pings | 0 to 1 |
-    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 0.25 m/s | -8 to 8 |
+    | 13 | velocity_along | of the belief along the line of sight, average over some 20 s / 0.25 m/s | -8 to 8 |
     | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
@@ -85,8 +85,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Ending
 
-    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or after as many steps as
-    ``gym.make``'s ``max_episode_steps`` says, fewer or more.
+    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or earlier, after as many
+    steps as ``gym.make``'s ``max_episode_steps`` says; longer ones are made by ``overrides={"episode_steps": 600}``.
 
     ## Info
 
@@ -146,7 +146,6 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(LARGEST_DRAWN_SEED))
-        self._limit = episode_limit(self.simulation.scenario, None if self.spec is None else self.spec.max_episode_steps)
         self.simulation.reset(seed)
         self._begun = True
         self._show()
@@ -161,7 +160,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         info = self._info()
         terms = simulation.outputs.terms[0, 0]
         info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
-        truncated = bool(simulation.worlds.clock["step"][0] >= self._limit)
+        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
         self._show()
         return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
 

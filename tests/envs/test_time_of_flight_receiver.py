@@ -119,7 +119,7 @@ def test_listener_keeps_the_range_heard_before() -> None:
             listener = simulation.worlds.listeners[world, 0, 0]
             kept = [listener[name][SLANT_RANGE] for name in ("previous", "readings")]
             np.testing.assert_array_equal(kept, heard[world][-2:])
-    assert min(len(each) for each in heard) > 5
+    assert min(len(each) for each in heard) > 3  # each world's first has none before it
 
 
 @pytest.mark.parametrize("measurements", list(Measurements))
