@@ -32,10 +32,10 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     ## Observation
 
-    Of each agent a ``Box(D,)`` float32: the block of each tag, ``tag_0.distance`` ... , then its own, ``heading_cos`` ...; with one
-    tag the layout is that of the task's Gymnasium environment (see there). ``tagtrack.envs.layout.features(scenario)`` lists names,
-    meanings and ranges, ``split_observation`` takes an observation apart by entities. ``state()`` is all agents' observations,
-    one after the other.
+    Of each agent a ``Box(D,)`` float32: the block of each tag, ``tag_0.distance`` ..., then its own, ``heading_cos`` ...; with
+    one tag the layout is that of the task's Gymnasium environment (see there). ``tagtrack.envs.layout.features(scenario)`` lists
+    names, meanings and ranges, ``split_observation`` takes an observation apart by entities. ``state()`` is all agents'
+    observations, one after the other.
 
     ## Action
 
@@ -45,16 +45,16 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     ## Reward, ending, info
 
-    As in the task's Gymnasium environment, to each agent its own; the localization error is the mean over the tags. The infos hold
-    ``localization_error`` (mean over the tags), ``range`` to the nearest fish, ``separation`` from the nearest other vehicle
+    As in the task's Gymnasium environment, to each agent its own; the localization error is the mean over the tags. The infos
+    hold ``localization_error`` (mean over the tags), ``range`` to the nearest fish, ``separation`` from the nearest other vehicle
     (infinite alone) [m] and ``detected``, how many tags were heard at this step. All agents are truncated together.
 
     Args:
         env_id: of ours, or one that somebody registered; or a ``Task``.
         vehicles, tags: how many of each, 1 to 20; those of the scenario if None.
         shared_belief: one belief for all vehicles, from all that they hear, or one each; the scenario's if None (shared).
-        formation: how the vehicles lie at the start, ``"ring"`` or ``"line"``; ``overrides={"start.separation": 20}`` sets how far
-            neighbours lie apart [m].
+        formation: how the vehicles lie at the start, ``"ring"`` or ``"line"``; ``overrides={"start.separation": 20}`` sets how
+            far neighbours lie apart [m].
         max_cycles: steps of an episode; the scenario's ``episode_steps`` if None.
         render_mode: ``"rgb_array"``, ``"human"`` or None (needs ``pip install "tagtrack[render]"``).
         options: as for ``TagTrackEnv``.
@@ -83,7 +83,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             "render_fps": FRAMES_PER_SECOND,
             "is_parallelizable": True,
         }
-        if render_mode not in (None, *self.metadata["render_modes"]):
+        if render_mode not in (None, "rgb_array", "human"):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
         self.render_mode = render_mode
         self.simulation = Simulation(task.scenario, tracks=task.tracks)

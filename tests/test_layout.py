@@ -218,7 +218,7 @@ def test_every_module_of_envs_has_a_floor() -> None:
 
 def test_front_door_knows_the_environments_by_name_only() -> None:
     found = {each.top for each in IMPORTS if each.importer == "tagtrack"} - {"__future__"}
-    assert found == {"gymnasium"}
+    assert found == {"gymnasium", "pettingzoo"}
 
 
 def test_envs_need_only_numpy_numba_gymnasium_and_pettingzoo() -> None:

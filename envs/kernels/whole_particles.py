@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core.cgutils import ir, unpack_tuple  # ``ir``: numba's own builder of LLVM code
 from numba.extending import intrinsic
 
 from tagtrack.envs.kernels.compiling import compiled
@@ -73,8 +72,8 @@ def copy_four(typing_context: Any, whole: Any, numbers: Any, rows: Any, j: Any) 
             first = builder.shl(builder.zext(number, ir.IntType(64)), ir.IntType(64)(2))
             return builder.load(vector_at(whole, arguments[0], first), align=4)
 
-        particles = [particle(number) for number in cgutils.unpack_tuple(builder, arguments[1])]
-        targets = cgutils.unpack_tuple(builder, arguments[2])
+        particles = [particle(number) for number in unpack_tuple(builder, arguments[1])]
+        targets = unpack_tuple(builder, arguments[2])
         for target, row in zip(targets, transpose(builder, particles), strict=True):
             builder.store(row, vector_at(rows.dtype, target, arguments[3]), align=4)
         return context.get_dummy_value()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.layout import action_names, feature_names
+from tagtrack.envs.scenario import find_scenario
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.cli import main
 from tagtrack.policies.files import save_policy
@@ -42,8 +43,10 @@ def evaluate(capsys) -> Callable[..., tuple[int, str, str]]:
 def save_run() -> Callable[..., Path]:
     """Save a random linear policy as a training run would."""
 
-    def save(folder: Path, *, features: tuple[str, ...] = feature_names(), speed_control: bool = False) -> Path:
-        actions = action_names(speed_control)
+    def save(folder: Path, *, features: tuple[str, ...] | None = None, speed_control: bool = False) -> Path:
+        scenario = find_scenario("LeopardSharkStandoff-v0" if speed_control else "LeopardShark-v0")
+        features = feature_names(scenario) if features is None else features
+        actions = action_names(scenario)
         shapes = weight_shapes(features=len(features), hidden=(), actions=len(actions), squash="clip")
         generator = np.random.default_rng(1)
         policy = NetworkPolicy(

@@ -21,7 +21,7 @@ def test_filter_bank_and_reference_come_to_the_same_belief():
         bank.step()
         for reference in references:
             reference.step()
-    own = np.stack([bank.beliefs["mean_x"], bank.beliefs["mean_y"]], axis=-1)
+    own = bank.filter.mean
     other = np.array([reference.filter.mean() for reference in references])
     # The reading gives no distance, so the belief is a long wedge: its bearing is sharp, its mean is not.
     bearing = np.arctan2(own[:, 1], own[:, 0]).mean()
@@ -36,7 +36,7 @@ def test_threads_do_not_change_the_filter_bank():
         one.step()
         two.step()
     two.close()
-    np.testing.assert_array_equal(one.particles, two.particles)
+    np.testing.assert_array_equal(one.filter.particles, two.filter.particles)
 
 
 def test_readings_are_whole_units_from_astern_to_ahead():
