@@ -25,15 +25,15 @@ class AreaOnlyEnv(TagTrackEnv):
 
     ## Observation
 
-    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. "Belief" is the particle filter's; its
-    bearing is from the vehicle to its mean, relative to the compass heading. A silence counts as a ping not heard each time
-    that 90 s have passed, in which one came for certain.
+    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. The estimate is what the
+    particle filter reports; its bearing is from the vehicle, relative to the compass heading. A silence counts as a ping
+    not heard each time that 90 s have passed, in which one came for certain.
 
     | index | name | meaning | range |
     |---|---|---|---|
-    | 0 | distance | to the mean of the belief / 200 m | 0 to 10 |
+    | 0 | distance | to the estimate / 200 m | 0 to 10 |
     | 1 | log_distance | ln((distance + 1 m) / 60 m) | -3 to 4 |
-    | 2 | bearing_cos | of the belief's bearing relative to the heading | -1 to 1 |
+    | 2 | bearing_cos | of the estimate's bearing relative to the heading | -1 to 1 |
     | 3 | bearing_sin | the same; positive to port | -1 to 1 |
     | 4 | log_spread_along | ln(standard deviation along the line of sight / 20 m) | -4 to 5 |
     | 5 | log_spread_across | the same across it | -4 to 5 |
@@ -44,7 +44,7 @@ class AreaOnlyEnv(TagTrackEnv):
     | 10 | max_range_spread | its standard deviation / 50 m; 0 where it is assumed | 0 to 4 |
     | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
     | 12 | heard_long | the same over some 33 pings | 0 to 1 |
-    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 0.25 m/s | -8 to 8 |
+    | 13 | velocity_along | of the belief along the line of sight, over the last step / 0.25 m/s | -8 to 8 |
     | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 300 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 300 s | -1 to 1 |
@@ -55,7 +55,7 @@ class AreaOnlyEnv(TagTrackEnv):
 
     ## Action, ending, info, seeds, arguments
 
-    As in ``TagTrackEnv``: a course relative to the line from the vehicle to the belief's mean, at full speed.
+    As in ``TagTrackEnv``: a course relative to the line from the vehicle to the estimate, at full speed.
 
     ## Reward
 

@@ -79,6 +79,7 @@ class Simulation:
             outcomes=np.zeros((b, v), OUTCOME),
         )
         self._begun = np.zeros(b, bool)
+        self._ready = False  # whether all have begun
         self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
         self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
         self._chosen = np.zeros(b, bool)
@@ -106,6 +107,7 @@ class Simulation:
         clock["seed"][fresh] = self._seeds(0 if seed is None else seed)[fresh]
         clock["episode"][fresh] = 0
         self._begun |= chosen
+        self._ready = bool(self._begun.all())
         self._workers.run(self._reset_worlds, *self._reset_arguments)
         return self.outputs.observation
 
@@ -127,7 +129,7 @@ class Simulation:
             ValueError: for another shape, or a NaN or infinity among the actions.
             RuntimeError: for a world that was never reset.
         """
-        if not self._begun.all():
+        if not self._ready:
             raise RuntimeError(f"world {int(np.argmin(self._begun))} has no episode to step; call reset first")
         if np.shape(actions) != self._actions.shape:
             raise ValueError(f"actions must have shape {self._actions.shape}, got {np.shape(actions)}")
@@ -194,11 +196,11 @@ class Simulation:
 
     def save_state(self) -> tuple[np.ndarray, ...]:
         """A copy of the whole state, for ``load_state``."""
-        return tuple(array.copy() for array in (*self.worlds, *self.outputs))
+        return tuple(array.copy() for array in (*self.worlds, *self.outputs, self._begun))
 
     def load_state(self, state: tuple[np.ndarray, ...]) -> None:
         """Return to a state that ``save_state`` gave (of a simulation of the same shape)."""
-        for own, saved in zip((*self.worlds, *self.outputs), state, strict=True):
+        for own, saved in zip((*self.worlds, *self.outputs, self._begun), state, strict=True):
             np.copyto(own, saved)
 
     def close(self) -> None:

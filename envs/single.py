@@ -12,13 +12,16 @@ from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
-from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+from tagtrack.envs.task import Task, TaskOptions, build_task, require_single
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 LARGEST_DRAWN_SEED = 2**31
 HEARD = int(Status.HEARD)
+_FIELDS = list(BELIEF.names or ())
+MEANS = slice(_FIELDS.index("mean_x"), _FIELDS.index("mean_y") + 1)  # places in a belief's record
+SPREADS = slice(_FIELDS.index("xx"), _FIELDS.index("xy") + 1)
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -53,7 +56,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     | 10 | last_strength | last signal strength / 50; 0 before the first | -2 to 4 |
     | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
     | 12 | heard_long | the same over some 33 pings | 0 to 1 |
-    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 0.25 m/s | -8 to 8 |
+    | 13 | velocity_along | of the belief along the line of sight, average over some 20 s / 0.25 m/s | -8 to 8 |
     | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
@@ -82,8 +85,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Ending
 
-    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or after as many steps as
-    ``gym.make``'s ``max_episode_steps`` says, fewer or more.
+    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or earlier, after as many
+    steps as ``gym.make``'s ``max_episode_steps`` says; longer ones are made by ``overrides={"episode_steps": 600}``.
 
     ## Info
 
@@ -132,6 +135,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space = observation_space(task.scenario)
         self.action_space = action_space(task.scenario)
         self._terms = task.scenario.reward.names
+        worlds = self.simulation.worlds  # kept, for looking them up costs
+        self._belief, self._error = worlds.beliefs, self.simulation.outputs.error
+        self._range, self._status = worlds.encounters["range"], worlds.measurements["status"]
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -140,7 +146,6 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         if seed is None and not self._begun:
             seed = int(self.np_random.integers(LARGEST_DRAWN_SEED))
-        self._limit = episode_limit(self.simulation.scenario, None if self.spec is None else self.spec.max_episode_steps)
         self.simulation.reset(seed)
         self._begun = True
         self._show()
@@ -155,19 +160,19 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         info = self._info()
         terms = simulation.outputs.terms[0, 0]
         info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
-        truncated = bool(simulation.worlds.clock["step"][0] >= self._limit)
+        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
         self._show()
         return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
 
     def _info(self) -> dict[str, Any]:
-        simulation = self.simulation
-        belief = dict(zip(BELIEF.names or (), simulation.worlds.beliefs.item(), strict=True))
+        belief = self._belief.item()
+        xx, yy, xy = belief[SPREADS]
         return {
-            "localization_error": float(simulation.outputs.error[0, 0, 0]),
-            "range": float(simulation.worlds.encounters["range"][0, 0, 0]),
-            "detected": bool(simulation.worlds.measurements["status"][0, 0, 0] == HEARD),
-            "belief_mean": np.array((belief["mean_x"], belief["mean_y"])),
-            "belief_covariance": np.array(((belief["xx"], belief["xy"]), (belief["xy"], belief["yy"]))),
+            "localization_error": self._error.item(),
+            "range": self._range.item(),
+            "detected": self._status.item() == HEARD,
+            "belief_mean": np.array(belief[MEANS]),
+            "belief_covariance": np.array(((xx, xy), (xy, yy))),
         }
 
     def _show(self) -> None:

@@ -20,19 +20,19 @@ class TimeOfFlightEnv(TagTrackEnv):
     * ``TagTrack/TimeOfFlight-v0``: keep the localization error low.
 
     Worth changing (``overrides``): ``receiver.hours_since_calibration`` (4), after which the clocks are off by 5.8 m root mean
-    square at 22 h, drawn for each episode; ``belief.measurements`` (``both``, ``angle``, ``distance``: Table IV);
+    square at 22 h, drawn for each episode; ``belief.receiver.measurements`` (``both``, ``angle``, ``distance``: Table IV);
     ``belief.recovery.second_resampling`` (``with_random``, ``never``, ``as_printed``: lines 9-16 of Alg. 2).
 
     ## Observation
 
-    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. "Belief" is the particle filter's; its
-    bearing is from the vehicle to its mean, relative to the compass heading.
+    ``Box(21,)`` float32. It holds what the vehicle knows, never the truth. The estimate is what the
+    particle filter reports; its bearing is from the vehicle, relative to the compass heading.
 
     | index | name | meaning | range |
     |---|---|---|---|
-    | 0 | distance | to the mean of the belief / 50 m | 0 to 10 |
+    | 0 | distance | to the estimate / 50 m | 0 to 10 |
     | 1 | log_distance | ln((distance + 1 m) / 15 m) | -3 to 4 |
-    | 2 | bearing_cos | of the belief's bearing relative to the heading | -1 to 1 |
+    | 2 | bearing_cos | of the estimate's bearing relative to the heading | -1 to 1 |
     | 3 | bearing_sin | the same; positive to port | -1 to 1 |
     | 4 | log_spread_along | ln(standard deviation along the line of sight / 5 m) | -4 to 5 |
     | 5 | log_spread_across | the same across it | -4 to 5 |
@@ -43,18 +43,18 @@ class TimeOfFlightEnv(TagTrackEnv):
     | 10 | last_range | last time-of-flight range / 50 m; 0 before the first | -1 to 10 |
     | 11 | heard_lately | share of pings heard, average over some 5 pings | 0 to 1 |
     | 12 | heard_long | the same over some 33 pings | 0 to 1 |
-    | 13 | velocity_along | of the belief along the line of sight, 20 s average / 0.25 m/s | -8 to 8 |
+    | 13 | velocity_along | of the belief along the line of sight, average over some 20 s / 0.25 m/s | -8 to 8 |
     | 14 | velocity_across | the same across it, positive to the left of the line | -8 to 8 |
     | 15 | bearing_cos_lately | bearing_cos, average over some 20 s | -1 to 1 |
     | 16 | bearing_sin_lately | bearing_sin, average over some 20 s | -1 to 1 |
-    | 17 | ping_phase | time since the tag last pinged / its period | 0 to 1 |
+    | 17 | ping_phase | time since the tag last pinged / its period; -1 before it was heard | -1 to 1 |
     | 18 | heading_cos | of the compass heading | -1 to 1 |
     | 19 | heading_sin | the same | -1 to 1 |
     | 20 | speed | through the water / largest speed | 0 to 1 |
 
     ## Action, ending, info, seeds, arguments
 
-    As in ``TagTrackEnv``: a course relative to the line from the vehicle to the belief's mean, at full speed.
+    As in ``TagTrackEnv``: a course relative to the line from the vehicle to the estimate, at full speed.
 
     ## Reward
 

@@ -1,5 +1,5 @@
 """Who takes part: a contestant named on a command line is a baseline (``circle:40``), the folder of a saved policy, or
-moored receivers (``static_array:200``).
+moored receivers (``static_array:200``), or something of a user's own file (``my_module:MyController``).
 
 All of them are made once, and thereby checked, before anything runs.
 """
@@ -9,9 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
 from tagtrack.baselines.registry import BASELINES, make_baseline
 from tagtrack.envs.layout import action_names, feature_names
+from tagtrack.envs.model import import_object
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
@@ -33,7 +36,7 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
         raise ValueError(f"name at least one policy: {_choices()}")
     named: dict[str, str] = {}
     for spec in specs:
-        name = Path(spec).resolve().name if is_run(spec) else spec
+        name = spec.rpartition(":")[2] if _is_object(spec) else Path(spec).resolve().name if is_run(spec) else spec
         if name in named:
             raise ValueError(
                 f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
@@ -68,6 +71,8 @@ def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> Contestant:
             return lambda simulation: make_baseline(spec, simulation)
         if isinstance(spec, str) and is_static_array(spec):
             return read_static_array(spec)
+        if isinstance(spec, str) and _is_object(spec):
+            return _maker_of(import_object(spec), spec)
         return _always(_load(Path(spec), task.scenario, env_id))
     if isinstance(spec, Localizer):
         return spec
@@ -95,7 +100,36 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
 
 def is_run(spec: str) -> bool:
     """Whether a spec names the folder of a saved policy: it is nothing else."""
-    return not (_is_baseline(spec) or is_static_array(spec))
+    return not (_is_baseline(spec) or is_static_array(spec) or _is_object(spec))
+
+
+def _is_object(spec: str) -> bool:
+    """Whether a spec is ``MODULE:OBJECT``, of a user's own file: dotted names, and no folder of that name."""
+    module, colon, name = spec.partition(":")
+    dotted = bool(colon) and all(part.isidentifier() for part in (*module.split("."), name))
+    return dotted and not (_is_baseline(spec) or is_static_array(spec) or Path(spec).exists())
+
+
+def _maker_of(found: Any, spec: str) -> Contestant:
+    """A maker of a policy of a user's own: a class of heuristics, what makes a policy for a simulation, or a policy."""
+    if isinstance(found, type) and issubclass(found, InformedHeuristic):
+        return lambda simulation: found(simulation=simulation)
+    if isinstance(found, type) and issubclass(found, Heuristic):
+        return lambda simulation: found(scenario=simulation.scenario)
+    if isinstance(found, Localizer):
+        return found
+    if not isinstance(found, type) and hasattr(found, "predict"):
+        return _always(found)
+    if not callable(found):
+        raise ValueError(f"{spec} is no policy: it must be a class of heuristics, a function of a Simulation, or have predict")
+
+    def make(simulation: Simulation) -> Policy:
+        policy = found(simulation)
+        if not hasattr(policy, "predict"):
+            raise ValueError(f"{spec} makes a {type(policy).__name__}, which has no predict")
+        return policy
+
+    return make
 
 
 def _is_baseline(spec: str) -> bool:
@@ -103,4 +137,4 @@ def _is_baseline(spec: str) -> bool:
 
 
 def _choices() -> str:
-    return f"the baselines are {', '.join(BASELINES)}; {NAME} stands for moored receivers"
+    return f"the baselines are {', '.join(BASELINES)}; {NAME} stands for moored receivers, MODULE:CLASS for one of your own"

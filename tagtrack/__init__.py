@@ -1,8 +1,8 @@
 """TagTrack: environments in which autonomous underwater vehicles track acoustically tagged animals.
 
-Importing this package tells Gymnasium the ids and does nothing else. Entry points are strings, so the simulation, and
-numba with it, loads only when an environment is made; ``gymnasium.make("tagtrack:TagTrack/LeopardShark-v0")`` needs no
-other import.
+Importing this package tells Gymnasium and PettingZoo the ids and does nothing else. Entry points are strings, so the
+simulation, and numba with it, loads only when an environment is made; ``gymnasium.make("tagtrack:TagTrack/LeopardShark-v0")``
+needs no other import.
 """
 
 try:
@@ -11,6 +11,12 @@ except ModuleNotFoundError as error:  # a vehicle needs the filter and a policy,
     if error.name != "gymnasium":
         raise
     registry = None  # type: ignore[assignment]
+try:
+    import pettingzoo
+except ModuleNotFoundError as error:
+    if error.name != "pettingzoo":
+        raise
+    pettingzoo = None  # type: ignore[assignment]
 
 __version__ = "0.1.0"
 
@@ -32,3 +38,19 @@ for _id, _entry_point in _TASKS.items() if registry is not None else ():
             vector_entry_point="tagtrack.envs.vector:TagTrackVectorEnv",
             kwargs={"env_id": _id},
         )
+
+# Fleets, for pettingzoo.make("parallel", id, vehicles=3) and ("aec", id): id -> the task it is of.
+_FLEETS = {
+    "tagtrack/leopard_shark_v0": "TagTrack/LeopardShark-v0",
+    "tagtrack/range_only_v0": "TagTrack/RangeOnly-v0",
+    "tagtrack/area_only_v0": "TagTrack/AreaOnly-v0",
+    "tagtrack/time_of_flight_v0": "TagTrack/TimeOfFlight-v0",
+}
+
+if hasattr(pettingzoo, "register"):  # from PettingZoo 1.27 on
+    for _id, _env_id in _FLEETS.items():
+        for _kind, _maker in (("parallel", "parallel_env"), ("aec", "env")):
+            if _id not in getattr(pettingzoo, f"{_kind}_registry"):
+                pettingzoo.register(
+                    _kind, _id, entry_point=f"tagtrack.envs.parallel:{_maker}", kwargs={"env_id": _env_id, "vehicles": 2}
+                )

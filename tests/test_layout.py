@@ -38,21 +38,30 @@ MAY_IMPORT = {
 
 # Inside envs/, ground floor first: a module may import from its own floor and from those below.
 FLOORS = (
-    ("kernels", "workers"),
-    ("sim",),
-    ("belief",),
+    ("kernels", "validation", "workers", "csv_table"),
+    ("measurement", "tag", "feature", "model"),
+    ("motions", "sensors", "rewards"),
+    ("sim", "belief"),  # the truth and what is believed of it: the wall below keeps them apart
     ("scenario",),
-    ("observation", "overrides", "presets", "reward"),
+    ("layout", "observation", "overrides", "presets"),
     ("world", "world_rule"),
     ("simulation",),
-    ("legend", "task"),
+    ("task", "legend", "spaces"),
     ("rendering",),
     ("single", "vector", "parallel"),
     ("time_of_flight", "range_only", "area_only"),
     ("",),  # envs/__init__.py, which gathers the names that users import
 )
 
+# The wall: whoever stands on one side imports nothing from the other, directly or through others. Where the two sides meet, in
+# the parameters of a scenario and in the step of a world, a function may be handed both.
+BELIEVERS = ("tagtrack.envs.belief", "tagtrack.envs.observation")
+WORLD = ("tagtrack.envs.sim",)
+# Names and bounds of the observation follow from a whole scenario, which holds both sides' parameters.
+BESIDE_THE_WALL = ("tagtrack.envs.layout",)
+
 ENVS_THIRD_PARTY = {"numpy", "numba", "gymnasium", "pettingzoo"}
+TYPES = {"typing_extensions"}  # may be imported for type checkers, which know it, and for them alone
 PAINTERS = {"tagtrack.envs.rendering", "tagtrack.envs.legend"}  # alone may import pygame, an extra, inside functions
 DISTRIBUTIONS = {"stable_baselines3": "stable-baselines3", "pygame": "pygame-ce"}
 
@@ -176,6 +185,31 @@ def test_each_floor_of_envs_is_blind_to_those_above() -> None:
     assert not wrong, complaints(wrong)
 
 
+def reached_from(package: str) -> set[str]:
+    """Modules of ours that a package imports, directly or through others; what type checkers alone see is left out."""
+    reached, waiting = set(), [name for name in SOURCES if is_within(name, package)]
+    while waiting:
+        name = waiting.pop()
+        if name not in reached:
+            reached.add(name)
+            waiting += [found.target for found in OURS if found.importer == name and not found.for_types_only]
+    return reached
+
+
+@pytest.mark.parametrize(("side", "other"), [(side, WORLD) for side in BELIEVERS] + [(side, BELIEVERS) for side in WORLD])
+def test_wall_keeps_the_truth_and_the_belief_apart(side: str, other: tuple[str, ...]) -> None:
+    reached = reached_from(side)
+    assert side in reached
+    through = sorted(name for name in reached for package in other if is_within(name, package))
+    assert not through, f"{side} reaches {', '.join(through)}"
+
+
+@pytest.mark.parametrize("module", BESIDE_THE_WALL)
+def test_layout_of_an_observation_takes_the_truths_parameters_from_the_scenario_alone(module: str) -> None:
+    wrong = [found for found in OURS if is_within(found.importer, module) for name in WORLD if is_within(found.target, name)]
+    assert not wrong, complaints(wrong)
+
+
 def test_every_module_of_envs_has_a_floor() -> None:
     for module in SOURCES:
         if is_within(module, "tagtrack.envs"):
@@ -184,11 +218,13 @@ def test_every_module_of_envs_has_a_floor() -> None:
 
 def test_front_door_knows_the_environments_by_name_only() -> None:
     found = {each.top for each in IMPORTS if each.importer == "tagtrack"} - {"__future__"}
-    assert found == {"gymnasium"}
+    assert found == {"gymnasium", "pettingzoo"}
 
 
 def test_envs_need_only_numpy_numba_gymnasium_and_pettingzoo() -> None:
     def is_allowed(found: Import) -> bool:
+        if found.top in TYPES:
+            return found.for_types_only
         if found.top == "pygame":
             return found.importer in PAINTERS and (found.in_function or found.for_types_only)
         return found.top in ENVS_THIRD_PARTY
@@ -206,6 +242,8 @@ def test_every_import_is_a_declared_dependency_and_optional_ones_wait_in_functio
     optional = names(extras["render"] + extras["tensorboard"] + extras["geo"])
 
     def is_declared(found: Import) -> bool:
+        if found.top in TYPES:
+            return found.for_types_only
         name = DISTRIBUTIONS.get(found.top, found.top)
         return name in required or (name in optional and (found.in_function or found.for_types_only))
 

@@ -34,8 +34,9 @@ from tagtrack.envs.workers import Workers
 
 SAME_TIME = 1e-9  # two times nearer than this are one [s]
 
-# What keys the draws of a row: seed, episode and step as in a world, and the row's place among the rows of one world.
-KEY = np.dtype([("seed", np.uint64), ("episode", np.uint64), ("step", np.int64), ("place", np.int64)])
+# What keys the draws of a row: seed, episode and step as in a world, and the row's place among the rows of one world. The place
+# stands first, lest numba take a key for a kind of a world's clock, and warn.
+KEY = np.dtype([("place", np.int64), ("seed", np.uint64), ("episode", np.uint64), ("step", np.int64)])
 
 
 class Rows(NamedTuple):

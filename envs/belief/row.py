@@ -48,6 +48,7 @@ class Scratch(NamedTuple):
     weight: np.ndarray
     fixed: np.ndarray  # (N,) int32
     parent: np.ndarray  # (N + 1,) int32
+    whole: np.ndarray  # (4 N,) float32: x, y, heading, speed of each particle side by side
 
 
 def make_scratch(particles: int) -> Scratch:
@@ -58,6 +59,7 @@ def make_scratch(particles: int) -> Scratch:
         weight=np.zeros(particles, np.float32),
         fixed=np.zeros(particles, np.int32),
         parent=np.zeros(particles + 1, np.int32),
+        whole=np.zeros(4 * particles, np.float32),
     )
 
 
@@ -194,5 +196,5 @@ def weigh(particles, measurement, rule, scratch):
 def draw_by_weight(particles, belief, offset, rule, scratch):
     """Resample, and keep hold of the particle that weighed most."""
     best = heaviest(scratch.weight) if rule.estimate == Estimate.BEST else 0
-    if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.normal_1, offset):
+    if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.whole, offset):
         belief.best = min(scratch.fixed[best], particles.shape[1] - 1)

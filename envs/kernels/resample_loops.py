@@ -1,7 +1,7 @@
 """Systematic resampling of a row, in integers: every step is exact or rounded the same way everywhere.
 
 Weights become 30-bit fixed point, their prefix sum is exact, each particle's first pointer is a rounded-up product, and the
-ancestors are a scatter followed by a running maximum: no branches, no search.
+ancestors are a scatter followed by a running maximum, with whole particles copied as it runs: no branches, no search.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.whole_particles import interleave, take_descendants
 
 f32 = np.float32
 i32 = np.int32
@@ -54,23 +55,24 @@ def find_first_pointers(fixed, total, offset):
 
 
 @compiled
-def find_parents(first_pointer, parent):
-    """Fill ``parent`` (N + 1; the last is a dump) with the particle whose share each pointer falls into."""
+def mark_first_children(first_pointer, parent):
+    """Write each particle's number at its first pointer, 0 elsewhere: the running maximum of ``parent`` are the parents.
+
+    ``parent`` has N + 1 places; the last is a dump.
+    """
     for j in range(parent.shape[0]):
         parent[j] = i32(0)
     for i in range(first_pointer.shape[0]):
         parent[np.uintp(first_pointer[i])] = i32(i)  # of several with one first pointer only the last has a share
-    highest = i32(0)
-    for j in range(parent.shape[0]):
-        highest = max(highest, parent[j])
-        parent[j] = highest
 
 
 @compiled
-def gather(source, target, parent):
-    """target[j] = source[parent[j]] (unsigned: no test for an index from the end)."""
+def gather_descendants(source, target, parent):
+    """target[j] = source[largest of parent[0..j]] (unsigned: no test for an index from the end)."""
+    highest = i32(0)
     for j in range(target.shape[0]):
-        target[j] = source[np.uint32(parent[j])]
+        highest = max(highest, parent[j])
+        target[j] = source[np.uint32(highest)]
 
 
 @compiled
@@ -98,12 +100,12 @@ def heaviest(weight):
 
 
 @compiled
-def resample(particles, weight, fixed, parent, children, offset):
+def resample(particles, weight, fixed, parent, whole, offset):
     """Systematic resampling of one row with one uniform ``offset`` in [0, 1).
 
     Args:
-        particles: (4, N) float32, replaced. weight: (N,) float32, not normalized. fixed: (N,) and parent: (N + 1,) int32,
-            children: (N,) float32: scratch; afterwards ``fixed`` holds each particle's first child.
+        particles: (4 or more, N) float32, replaced. weight: (N,) float32, not normalized. fixed: (N,) and parent: (N + 1,) int32,
+            whole: (4 N,) float32: scratch; afterwards ``fixed`` holds each particle's first child.
     Returns:
         False, with nothing changed, where the sum of the weights is not within 1e-28 to 1e28, or NaN.
     """
@@ -112,8 +114,10 @@ def resample(particles, weight, fixed, parent, children, offset):
         return False
     quantize(weight, fixed, total)
     find_first_pointers(fixed, accumulate(fixed), offset)
-    find_parents(fixed, parent)
-    for component in range(particles.shape[0]):
-        gather(particles[component], children, parent)
-        copy_row(children, particles[component])
+    mark_first_children(fixed, parent)
+    interleave(particles[0], particles[1], particles[2], particles[3], whole)
+    take_descendants(whole, parent, particles[0], particles[1], particles[2], particles[3])
+    for component in range(4, particles.shape[0]):
+        gather_descendants(particles[component], whole[: particles.shape[1]], parent)
+        copy_row(whole, particles[component])
     return True

@@ -14,31 +14,36 @@ from scipy import stats
 from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.kernels.geometry import relative_bearing, wrap_angle
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.measurement import MEASUREMENT, NAVIGATION, Status
 from tagtrack.envs.motions import BrownianWalk
 from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sensors import StereoHydrophone
 from tagtrack.envs.sensors.bearing import bearing_in_units, bearing_units
-from tagtrack.envs.sensors.stereo import expected_strength
-from tagtrack.envs.sim.acoustics import CONTACT, Water, hearing_chance, listen
+from tagtrack.envs.sensors.sensor import ENCOUNTER
+from tagtrack.envs.sensors.stereo import STRENGTH, UNITS, expected_strength
+from tagtrack.envs.sim.acoustics import Water, hearing_chance, listen
 from tagtrack.envs.sim.tags import TARGET
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
+from tagtrack.envs.world_rule import world_rule
 
 CLEAR = Water(noisy_share=0.0, clear_hearing=0.95)
 ERRORS = 4.0
+SLOPE, SCALE = StereoHydrophone().strength_slope, StereoHydrophone().strength_scale
 ALWAYS = Water(noisy_share=0.0, clear_hearing=1.0, reach=1e6)  # every ping is heard
 
 
 @numba.njit
-def listen_often(contact, vehicle, target, fish_x, fish_y, tag, water, receiver, seed, heard, units, strength):
+def listen_often(encounter, vehicle, navigation, target, fish_x, fish_y, measurement, parameters, seed, heard, readings):
     """One ping in each of as many steps as ``heard`` is long."""
     for i in range(heard.shape[0]):
         stream = (np.uint64(seed), np.uint64(0), np.uint64(0), np.uint64(i))
-        listen(contact, vehicle, target, fish_x, fish_y, True, stream, 0, tag, water, receiver, i + 1.0, 1.0)
-        heard[i] = contact.detected
-        units[i] = contact.units
-        strength[i] = contact.strength
+        listen(
+            encounter, vehicle, navigation, target, fish_x, fish_y, True, measurement, 0, 0, stream, parameters[0], i + 1.0
+        )  # fmt: skip
+        heard[i] = measurement.status == Status.HEARD
+        readings[:, i] = measurement.readings[:2]
 
 
 def readings(bearing=0.0, distance=40.0, count=40_000, water=ALWAYS, receiver=None, seed=0, heading=0.7):
@@ -47,12 +52,15 @@ def readings(bearing=0.0, distance=40.0, count=40_000, water=ALWAYS, receiver=No
     vehicle["x"], vehicle["y"], vehicle["heading"] = 300.0, -200.0, heading
     fish_x = 300.0 + distance * math.cos(heading + bearing)
     fish_y = -200.0 + distance * math.sin(heading + bearing)
-    contact = np.zeros(1, CONTACT)
-    heard, units, strength = np.zeros(count, bool), np.zeros(count), np.zeros(count)
-    rules = (to_record(part)[0] for part in (Tag(), water, (receiver or StereoHydrophone()).rule()))
-    target = np.zeros(1, TARGET)
-    listen_often(contact[0], vehicle[0], target[0], fish_x, fish_y, *rules, seed, heard, units, strength)
-    return heard, units, strength
+    scenario = Scenario(time_step=1.0, water=water, receiver=receiver or StereoHydrophone())
+    rows = (np.zeros(1, dtype)[0] for dtype in (ENCOUNTER, NAVIGATION, TARGET, MEASUREMENT))
+    encounter, navigation, target, measurement = rows
+    heard, read = np.zeros(count, bool), np.zeros((2, count))
+    parameters = to_record(world_rule(scenario))
+    listen_often(
+        encounter, vehicle[0], navigation, target, fish_x, fish_y, measurement, parameters, seed, heard, read
+    )
+    return heard, read[UNITS], read[STRENGTH]
 
 
 def anchored(water=CLEAR, period=2.0, distance=20.0, time_step=1.0):
@@ -77,8 +85,8 @@ def hear(scenario, worlds, steps, seed=0):
     seen = []
     for _ in range(steps):
         simulation.step(rest)
-        contacts = simulation.worlds.contacts[:, 0, 0]
-        seen.append(np.array([contacts["pinged"], contacts["detected"], contacts["noisy"]]))
+        encounters = simulation.worlds.encounters[:, 0, 0]
+        seen.append(np.array([encounters["pinged"], simulation.detected[:, 0, 0], encounters["noisy"]]))
     return np.array(seen).transpose(1, 0, 2)
 
 
@@ -118,11 +126,11 @@ def test_fish_and_particle_have_the_same_expected_reading():
 )
 def test_expected_strength_by_hand(distance, strength):
     """Eq. 8."""
-    assert expected_strength(distance, to_record(StereoHydrophone())[0]) == pytest.approx(strength, rel=1e-12)
+    assert expected_strength(distance, SLOPE, SCALE) == pytest.approx(strength, rel=1e-12)
 
 
 def test_strength_at_the_hydrophone_itself_is_finite():
-    assert math.isfinite(expected_strength(0.0, to_record(StereoHydrophone())[0]))
+    assert math.isfinite(expected_strength(0.0, SLOPE, SCALE))
 
 
 @pytest.mark.parametrize("off_bow", [0, 45, 90, 135, 180])
@@ -259,8 +267,8 @@ def test_far_beyond_the_reach_nothing_is_heard_and_the_last_reading_stays_missin
     simulation.reset(seed=0)
     for _ in range(10):
         simulation.step(np.zeros((4, 1, 3)))
-    assert np.isnan(simulation.worlds.contacts["units"]).all()
-    assert np.isnan(simulation.worlds.contacts["strength"]).all()
+    assert np.isnan(simulation.worlds.measurements["readings"]).all()
+    assert np.isnan(simulation.worlds.listeners["readings"]).all()
 
 
 @pytest.mark.parametrize(("share", "always"), [(0.0, False), (1.0, True)])
@@ -292,7 +300,7 @@ def test_vehicles_and_tags_have_water_of_their_own():
     scenario = dataclasses.replace(anchored(Water()), vehicles=2, targets=2)
     simulation = Simulation(scenario, 4000)
     simulation.reset(seed=0)
-    channels = simulation.worlds.contacts["noisy"].reshape(4000, 4).astype(float)
+    channels = simulation.worlds.encounters["noisy"].reshape(4000, 4).astype(float)
     correlation = np.corrcoef(channels.T)
     assert np.abs(correlation - np.eye(4)).max() < ERRORS / math.sqrt(4000)
 
@@ -325,7 +333,7 @@ def test_silence_counts_the_time_since_the_last_signal():
     for _ in range(120):
         simulation.step(np.zeros((100, 1, 3)))
         silence = np.where(simulation.detected[:, 0, 0], 0.0, silence + 1.0)
-        np.testing.assert_array_equal(simulation.worlds.contacts["silence"][:, 0, 0], silence)
+        np.testing.assert_array_equal(simulation.worlds.listeners["silence"][:, 0, 0], silence)
 
 
 @pytest.mark.parametrize(

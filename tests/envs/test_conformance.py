@@ -28,7 +28,7 @@ def test_every_scenario_is_registered_under_its_id() -> None:
     assert {name for name in gym.registry if name.startswith("TagTrack/")} == set(SCENARIOS)
     for env_id in IDS:
         assert gym.spec(env_id).kwargs == {"env_id": env_id}
-        assert gym.spec(env_id).max_episode_steps == SCENARIOS[env_id].episode_steps
+        assert gym.spec(env_id).max_episode_steps is None  # the environment ends its episodes itself
         assert gym.make(env_id).unwrapped.simulation.scenario == SCENARIOS[env_id]
 
 

@@ -1,27 +1,26 @@
 """The compiled filter against three that know nothing of it: a readable numpy filter, a Kalman filter, Bayes' rule on a grid.
 
-The compiled filter is driven by its own kernels, one row at a time, with poses and readings of the test's making. Where Monte
+The compiled filter is a ``ParticleFilter``, fed with poses and readings of the test's making. Where Monte
 Carlo meets an exact answer, the standard error is measured over replications with other seeds, and four of it are allowed.
 """
 
 import dataclasses
 import math
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
 
-from tagtrack.envs.belief.assumptions import FILTERS, Belief, Estimate, filter_rule
-from tagtrack.envs.belief.filter import correct, predict, spread_particles
-from tagtrack.envs.belief.row import BELIEF, make_scratch, weigh
-from tagtrack.envs.belief.summary import summarize
-from tagtrack.envs.belief.weighing import begin_weights
-from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.belief.assumptions import FILTERS, Belief, Estimate
+from tagtrack.envs.belief.filter import ParticleFilter
+from tagtrack.envs.kernels.calling import Native, native
+from tagtrack.envs.measurement import measurement
 from tagtrack.envs.motions import BrownianWalk, MomentumRandomWalk
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sensors import StereoHydrophone, Weighting
-from tagtrack.envs.sim.acoustics import CONTACT, Water
-from tagtrack.envs.sim.vehicle import VEHICLE
+from tagtrack.envs.sensors import Sensor, StereoHydrophone, Weighting
+from tagtrack.envs.sensors.sensor import WEIGH
+from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval import reference_filter
 
@@ -29,45 +28,43 @@ ERRORS = 4.0
 
 
 class CompiledFilter:
-    """One row of particles under the kernels of the core, with the calls of ``ReferenceFilter``."""
+    """One belief of the core, with the calls of ``ReferenceFilter``."""
 
     def __init__(self, belief, seed=0, time_step=1.0):
-        self.rule = to_record(filter_rule(belief, time_step))[0]
-        self.time_step, self.seed, self.step = time_step, np.uint64(seed), 0
-        self.scratch = make_scratch(belief.particles)
-        self.particles = np.zeros((4, belief.particles), np.float32)
-        self.belief, self.vehicle, self.contact = np.zeros(1, BELIEF), np.zeros(1, VEHICLE), np.zeros(1, CONTACT)
+        self.core = ParticleFilter(belief)
+        self.time_step, self.seed = time_step, seed
+        self.initialize(0.0, 0.0)
 
-    def stream(self):
-        return self.seed, np.uint64(0), np.uint64(0), np.uint64(self.step)
+    @property
+    def particles(self):
+        return self.core.particles[0]
+
+    @property
+    def weight(self):
+        """As they were at the last correction."""
+        return self.core.scratch.weight
 
     def initialize(self, x, y):
-        spread_particles(self.particles, self.belief[0], float(x), float(y), self.stream(), 0, self.rule, self.scratch)
+        self.core.begin(x, y, seed=self.seed)
 
     def predict(self):
-        self.step += 1
-        predict(self.particles, self.belief[0], self.stream(), 0, self.rule, self.time_step, self.scratch)
-
-    def set_readings(self, x, y, heading, bearing_units, strength):
-        self.vehicle["believed_x"], self.vehicle["believed_y"], self.vehicle["compass"] = x, y, heading
-        self.contact["units"], self.contact["strength"] = bearing_units, strength
-
-    def weigh(self):
-        weigh(self.particles, self.vehicle[0], self.contact[0], self.rule, self.scratch)
+        self.core.predict(self.time_step)
 
     def correct(self, x, y, heading, bearing_units=math.nan, strength=math.nan):
-        self.set_readings(x, y, heading, bearing_units, strength)
-        begin_weights(self.scratch)
-        self.weigh()
-        self.resample()
-
-    def resample(self):
-        correct(self.particles, self.belief[0], self.stream(), 0, self.rule, self.scratch)
+        readings = [bearing_units, strength]
+        self.core.correct(measurement(time=self.core.time, x=x, y=y, heading=heading, readings=readings))
 
     def summary(self):
         """Mean x, y, and covariance xx, yy, xy, as the core condenses its particles."""
-        summarize(self.particles, self.belief[0], self.vehicle[0], self.rule)
-        return np.array([float(self.belief[name][0]) for name in ("mean_x", "mean_y", "xx", "yy", "xy")])
+        return np.array([float(self.core.summary[name][0]) for name in ("mean_x", "mean_y", "xx", "yy", "xy")])
+
+
+def weigh(sensor, particles, x, y, heading, readings, floor=0.001, weight=None):
+    """Weights of a row of particles by a sensor, times those that it is given."""
+    weight = np.ones(particles.shape[1], np.float32) if weight is None else weight
+    told = measurement(time=0.0, x=x, y=y, heading=heading, readings=readings)
+    sensor.weigh(weight, particles, told[0], np.float32(floor), np.zeros_like(weight), np.array(sensor.padded_row()))
+    return weight
 
 
 def deviation(samples, exact=0.0, others=None):
@@ -118,10 +115,11 @@ def test_weights_are_those_of_the_readable_receiver(weighting):
 
     Dead ahead and astern the arcsine is steep: there a sine in float32 leaves 0.02 degrees, 0.002 units of 1.
     """
-    belief = Belief(particles=20_000, weighting=weighting)
-    filter_ = CompiledFilter(belief)
+    sensor = StereoHydrophone(weighting=weighting)
+    filter_ = CompiledFilter(Belief(particles=20_000))
     filter_.initialize(10.0, -20.0)
-    x, y = filter_.particles[:2].astype(np.float64)
+    particles = filter_.particles
+    x, y = particles[:2].astype(np.float64)
     dx, dy = x - 10.0, y + 20.0
     ahead = dx * math.cos(2.0) + dy * math.sin(2.0)
     abeam = dy * math.cos(2.0) - dx * math.sin(2.0)
@@ -135,14 +133,12 @@ def test_weights_are_those_of_the_readable_receiver(weighting):
             expected = receiver.strength_weight(reading[1], strength)
         else:
             expected = receiver.combined_weight(reading, (units, strength))
-        filter_.set_readings(10.0, -20.0, 2.0, *reading)
-        begin_weights(filter_.scratch)
-        filter_.weigh()
-        error = np.abs(filter_.scratch.weight[far] - expected[far]) / expected.max()
+        weight = weigh(sensor, particles, 10.0, -20.0, 2.0, reading)
+        error = np.abs(weight[far] - expected[far]) / expected.max()
         assert error.max() < 3e-4
         assert np.quantile(error, 0.95) < 3e-5
-        filter_.weigh()  # a second vehicle in the same place with the same readings
-        np.testing.assert_allclose(filter_.scratch.weight[far], expected[far] ** 2, rtol=0, atol=1e-3 * expected.max() ** 2)
+        twice = weigh(sensor, particles, 10.0, -20.0, 2.0, reading, weight=weight)  # a second vehicle in the same place
+        np.testing.assert_allclose(twice[far], expected[far] ** 2, rtol=0, atol=1e-3 * expected.max() ** 2)
 
 
 def voyage():
@@ -173,7 +169,7 @@ CHECKED = (3, 19, 27, 119)  # seconds: after the first ping, in the middle, afte
 
 def sail(filter_, belief, poses, pings):
     """Mean and covariance (len(CHECKED), 5) on the voyage."""
-    uses_strength = belief.weighting == Weighting.COMBINED
+    uses_strength = belief.receiver.weighting == Weighting.COMBINED
     filter_.initialize(0.0, 0.0)
     seen = []
     for second, (pose, ping) in enumerate(zip(poses, pings, strict=True)):
@@ -217,8 +213,9 @@ SPEED_SIGMA, RANGE_SIGMA, TIME_STEP = 0.1, 2.0, 0.5
 STRAIGHT = Belief(
     particles=4000,
     motion=MomentumRandomWalk(speed_sigma=SPEED_SIGMA, turn_sigma=0.0, max_speed=10.0),  # mean speed 2: never cut at 0 or 10
-    receiver=StereoHydrophone(strength_slope=1.0, strength_scale=0.0, strength_sigma=RANGE_SIGMA),
-    weighting=Weighting.STRENGTH,
+    receiver=StereoHydrophone(
+        strength_slope=1.0, strength_scale=0.0, strength_sigma=RANGE_SIGMA, weighting=Weighting.STRENGTH
+    ),
     weight_floor=0.0,
 )
 PRIOR_MEAN, PRIOR_SPREAD = np.array([50.0, 2.0]), np.array([6.0, 0.3])
@@ -265,6 +262,7 @@ def test_posterior_is_that_of_a_kalman_filter_on_a_straight_course():
         filter_ = CompiledFilter(STRAIGHT, seed, TIME_STEP)
         generator = np.random.default_rng(seed)
         drawn = PRIOR_MEAN[:, None] + PRIOR_SPREAD[:, None] * generator.standard_normal((2, STRAIGHT.particles))
+        filter_.particles[:] = 0.0  # on one line, on one heading
         filter_.particles[0], filter_.particles[3] = drawn
         rows = []
         for heard in ranges():
@@ -277,16 +275,39 @@ def test_posterior_is_that_of_a_kalman_filter_on_a_straight_course():
     assert deviation(np.array(replications), exact=kalman_means()).max() < ERRORS
 
 
+@native(WEIGH)
+def weigh_place(weight, particles, measurement, floor, work, parameters):
+    """A normal density about a measured place, but for its constant."""
+    for i in range(weight.shape[0]):
+        miss_x = particles[0, i] - measurement.readings[0]
+        miss_y = particles[1, i] - measurement.readings[1]
+        square = parameters[0] * miss_x**2 + parameters[1] * miss_y**2 + 2.0 * parameters[2] * miss_x * miss_y
+        weight[i] *= floor + math.exp(-0.5 * square)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlaceSensor(Sensor):
+    """Reads both coordinates of the fish; the parameters are the inverse of the noise's covariance."""
+
+    precision_x: float
+    precision_y: float
+    coupling: float
+    readings: ClassVar[tuple[str, ...]] = ("x", "y")
+    weigh: ClassVar[Native | None] = weigh_place
+
+
 def test_posterior_is_that_of_a_kalman_filter_in_the_plane():
-    """Brownian motion in the plane, both coordinates measured every ten steps, with the Gaussian weights written by the test.
+    """Brownian motion in the plane, both coordinates measured every ten steps, with a sensor of the test's own.
 
     The sum of ten steps of Alg. 3 has variance 10 v_max^2 / 6 along each axis and is all but normal (excess kurtosis -0.03).
     The standard error is 0.01 m in the means and 0.5 % of the variances.
     """
-    belief = Belief(particles=4000, motion=BrownianWalk(max_speed=1.5))
+    noise = np.array([[6.25, 2.0], [2.0, 4.0]])  # not diagonal: the axes are coupled
+    precision = np.linalg.inv(noise)
+    fixes = PlaceSensor(precision_x=precision[0, 0], precision_y=precision[1, 1], coupling=precision[0, 1])
+    belief = Belief(particles=4000, motion=BrownianWalk(max_speed=1.5), receiver=fixes, weight_floor=0.0)
     generator = np.random.default_rng(3)
     measured = np.cumsum(generator.normal(0.0, 2.0, (8, 2)), axis=0) + generator.normal(0.0, 2.5, (8, 2))
-    noise = np.array([[6.25, 2.0], [2.0, 4.0]])  # not diagonal: the axes are coupled
 
     kalman = KalmanFilter(dim_x=2, dim_z=2)
     kalman.x, kalman.P = np.zeros(2), 25.0 * np.eye(2)
@@ -298,7 +319,6 @@ def test_posterior_is_that_of_a_kalman_filter_in_the_plane():
         kalman.update(position)
         exact.append([*kalman.x, kalman.P[0, 0], kalman.P[1, 1], kalman.P[0, 1]])
 
-    precision = np.linalg.inv(noise)
     replications = []
     for seed in range(60):
         filter_ = CompiledFilter(belief, seed)
@@ -307,9 +327,7 @@ def test_posterior_is_that_of_a_kalman_filter_in_the_plane():
         for position in measured:
             for _ in range(10):
                 filter_.predict()
-            miss = filter_.particles[:2] - position[:, None]
-            filter_.scratch.weight[:] = np.exp(-0.5 * np.einsum("in,ij,jn->n", miss, precision, miss))
-            filter_.resample()
+            filter_.correct(0.0, 0.0, 0.0, *position)
             rows.append(filter_.summary())
         replications.append(rows)
     assert deviation(np.array(replications), exact=np.array(exact)).max() < ERRORS
@@ -405,24 +423,21 @@ def test_best_particle_is_the_one_that_weighed_most_at_the_last_ping():
     vague = StereoHydrophone(bearing_sigma=4.0)
     belief = Belief(particles=800, motion=BrownianWalk(max_speed=1e-6), estimate=Estimate.BEST, receiver=vague)
     filter_ = CompiledFilter(belief, seed=4)
-    filter_.initialize(0.0, 0.0)
+    filter_.predict()
     before = filter_.particles.copy()
     filter_.correct(0.0, 0.0, 0.4, bearing_units=5.0)
-    weight = filter_.scratch.weight
-    filter_.summary()
-    place = float(filter_.belief["estimate_x"][0]), float(filter_.belief["estimate_y"][0])
+    weight = filter_.weight
+    place = filter_.core.estimate[0]
     own = np.flatnonzero((before[0] == place[0]) & (before[1] == place[1]))
     assert own.size >= 1
     assert weight[own].max() == weight.max()
     filter_.predict()
-    filter_.summary()
-    assert float(filter_.belief["estimate_x"][0]) == pytest.approx(place[0], abs=1e-4)  # it is followed through the silence
+    assert filter_.core.estimate[0, 0] == pytest.approx(place[0], abs=1e-4)  # it is followed through the silence
 
 
 def test_mean_estimate_is_the_mean_of_the_particles():
     filter_ = CompiledFilter(Belief(particles=1001), seed=2)
     filter_.initialize(5000.0, -3000.0)  # far from the origin float32 has a quarter of a millimetre left
-    filter_.vehicle["believed_x"], filter_.vehicle["believed_y"] = 5000.0, -3000.0
     mean_x, mean_y, xx, yy, xy = filter_.summary()
     x, y = filter_.particles[:2].astype(np.float64)
     assert (mean_x, mean_y) == (pytest.approx(x.mean(), abs=1e-3), pytest.approx(y.mean(), abs=1e-3))

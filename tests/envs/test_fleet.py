@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.layout import OWN_FEATURES, features
-from tagtrack.envs.observation import LENGTH, TAG_FEATURES
+from tagtrack.envs.layout import OWN_FEATURES, features, tag_features
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.task import observation_space
+from tagtrack.envs.spaces import observation_space
 
 WORLDS, VEHICLES, TAGS, PARTICLES = 4, 3, 2, 400
 # Everybody hears every ping, so that the error depends on geometry alone.
@@ -39,8 +38,8 @@ def sail(simulation: Simulation, steps: int) -> np.ndarray:
 def test_every_array_has_the_axes_worlds_vehicles_owners_tags(shared_belief: bool, owners: int) -> None:
     simulation = fleet(shared_belief=shared_belief)
     sail(simulation, 5)
-    size = TAGS * len(TAG_FEATURES) + len(OWN_FEATURES)
-    assert simulation.observation.shape == (WORLDS, VEHICLES, size) and len(features(TAGS)) == size
+    size = TAGS * len(tag_features(simulation.scenario)) + len(OWN_FEATURES)
+    assert simulation.observation.shape == (WORLDS, VEHICLES, size) and len(features(simulation.scenario)) == size
     assert simulation.reward.shape == (WORLDS, VEHICLES)
     assert simulation.error.shape == (WORLDS, owners, TAGS)
     assert simulation.range.shape == simulation.detected.shape == (WORLDS, VEHICLES, TAGS)
@@ -67,7 +66,8 @@ def test_beliefs_of_their_own_differ_and_a_shared_one_is_seen_by_all() -> None:
     for first, second in ((0, 1), (0, 2), (1, 2)):
         assert (own.mean[:, first] != own.mean[:, second]).any(axis=-1).all()
     distance = np.hypot(*np.moveaxis(shared.mean[:, 0, 0] - shared.vehicle_position[:, 1], -1, 0))
-    np.testing.assert_allclose(shared.observation[:, 1, 0], distance / LENGTH, atol=0.2)  # dead reckoning errs by metres
+    seen = shared.observation[:, 1, 0] * shared.scenario.scale.length
+    np.testing.assert_allclose(seen, distance, atol=10.0)  # dead reckoning errs by metres
 
 
 def test_errors_fall_when_all_hear() -> None:

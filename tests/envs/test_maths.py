@@ -127,7 +127,7 @@ from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 
 if sys.argv[1] == "kernel first":
-    from tagtrack.envs.kernels.weight_loops import weigh_bearing
+    from tagtrack.envs.sensors.stereo import weigh_bearing
     f32, rows = np.float32, np.ones((3, 1000), np.float32)
     weigh_bearing(*rows, f32(0), f32(1), f32(0), f32(1), f32(2), f32(1), f32(0.001))
 simulation = Simulation(Scenario(), 8)

@@ -12,9 +12,9 @@ import pytest
 from scipy import stats
 
 from tagtrack.envs.kernels.random import PREDICT, fill_bits
-from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.motions import BrownianWalk, LevyFlight, MomentumRandomWalk, Replay, StraightAndIdle
 from tagtrack.envs.motions.motion import start_swimming, swim
+from tagtrack.envs.motions.replay import START_ROW, TURN
 from tagtrack.envs.motions.tracks import Track
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
@@ -33,7 +33,7 @@ class Shoal:
     """A row of particles that swims by one motion."""
 
     def __init__(self, motion, time_step=1.0, count=COUNT, seed=0):
-        self.rule = to_record(motion.rule(time_step))[0]
+        self.motion, self.parameters = motion, np.array(motion.padded_row())
         self.time_step = float(time_step)
         self.seed, self.step = np.uint64(seed), 0
         self.particles = np.zeros((4, count), np.float32)
@@ -45,14 +45,17 @@ class Shoal:
 
     def start(self):
         fill_bits(self.stream(), PREDICT, self.bits)
-        start_swimming(self.particles, self.bits, self.rule)
+        start_swimming(self.particles, self.bits, self.motion.start.address, self.parameters)
         return self
 
     def swim(self, steps=1):
         """Returns the mean displacement that the last step reports."""
         for _ in range(steps):
             self.step += 1
-            moved = swim(self.particles, self.stream(), PREDICT, self.bits, *self.normals, self.rule, self.time_step)
+            moved = swim(
+                self.particles, self.stream(), PREDICT, self.bits, *self.normals, self.motion.choose.address,
+                self.parameters, self.time_step,
+            )  # fmt: skip
         return moved
 
     x = property(lambda self: self.particles[0].astype(np.float64))
@@ -111,7 +114,7 @@ def test_no_direction_is_preferred(name):
 @pytest.mark.parametrize("name", MOTIONS)
 def test_no_speed_is_beyond_the_largest(name):
     shoal = Shoal(MOTIONS[name], count=4000).start()
-    largest = np.float32(shoal.rule["max_speed"])
+    largest = np.float32(MOTIONS[name].speed if name == "boat" else MOTIONS[name].max_speed)
     for _ in range(50):
         shoal.swim()
         assert shoal.speed.min() >= 0.0
@@ -312,7 +315,7 @@ def test_replayed_fish_swims_the_track_up_to_rotation_and_translation():
     paths, simulation = replay(track)
     turns = []
     for world, path in enumerate(as_complex(paths)):
-        start = simulation.worlds.targets[world, 0]["start_row"]
+        start = int(simulation.worlds.targets[world, 0]["memory"][START_ROW])
         stretch = recorded[start : start + STEPS + 1] - recorded[start]
         swum = path - path[0]
         far = np.abs(stretch).argmax()
@@ -326,17 +329,17 @@ def test_replayed_fish_swims_the_track_up_to_rotation_and_translation():
 def test_replay_starts_anywhere_on_the_track_that_leaves_a_whole_episode():
     track = winding_track(rows=60)
     _, simulation = replay(track, worlds=400)
-    starts = simulation.worlds.targets["start_row"][:, 0]
+    starts = simulation.worlds.targets["memory"][:, 0, START_ROW]
     assert set(starts) == set(range(60 - STEPS))  # 400 worlds miss one of ten places with chance 1e-17
 
 
 def test_next_episode_of_a_replay_takes_another_stretch_and_another_turn():
     _, simulation = replay(winding_track(), worlds=16)
-    before = simulation.worlds.targets.copy()
+    before = simulation.worlds.targets["memory"][:, 0].copy()
     simulation.reset()
-    after = simulation.worlds.targets
-    assert np.mean(before["start_row"] == after["start_row"]) < 0.2
-    assert not np.any(before["turn"] == after["turn"])
+    after = simulation.worlds.targets["memory"][:, 0]
+    assert np.mean(before[:, START_ROW] == after[:, START_ROW]) < 0.2
+    assert not np.any(before[:, TURN] == after[:, TURN])
 
 
 def test_replay_begins_where_any_fish_would():

@@ -19,15 +19,17 @@ RANGE_ONLY = "TagTrack/RangeOnly-v0"
 def simulate(
     preset: str, worlds: int, steps: int, course: tuple[float, float] = (0.0, 1.0), **overrides: object
 ) -> dict[str, np.ndarray]:
-    """Vehicles (K, B) and fish (K, B, 4) after each step."""
+    """Vehicles and navigation (K, B) and fish (K, B, 4) after each step."""
     simulation = Simulation(build_task(RANGE_ONLY, preset=preset, particles=4, overrides=overrides).scenario, worlds)
     simulation.reset(seed=3)
-    vehicles, fish = [simulation.worlds.vehicles[:, 0].copy()], [simulation.worlds.fish[:, 0, :, 0].copy()]
-    for _ in range(steps):
-        simulation.step(np.tile(np.array(course, np.float32), (worlds, 1, 1)))
-        vehicles.append(simulation.worlds.vehicles[:, 0].copy())
-        fish.append(simulation.worlds.fish[:, 0, :, 0].copy())
-    return {"vehicles": np.array(vehicles), "fish": np.array(fish, dtype=float)}
+    rows = []
+    for step in range(steps + 1):
+        if step > 0:
+            simulation.step(np.tile(np.array(course, np.float32), (worlds, 1, 1)))
+        of_world = simulation.worlds
+        rows.append((of_world.vehicles[:, 0].copy(), of_world.navigation[:, 0].copy(), of_world.fish[:, 0, :, 0].astype(float)))
+    vehicles, navigation, fish = (np.array(column) for column in zip(*rows, strict=True))
+    return {"vehicles": vehicles, "navigation": navigation, "fish": fish}
 
 
 @pytest.mark.parametrize("preset", PRESETS[RANGE_ONLY])
@@ -83,7 +85,7 @@ def test_noise_of_the_heading_is_steered_out_and_drawn_anew() -> None:
     simulation = Simulation(build_task(RANGE_ONLY, preset="utracking_medium", particles=4).scenario, 1000)
     simulation.reset(seed=3)
     for _ in range(4):
-        simulation.worlds.beliefs["mean_x"] = 1e7
+        simulation.worlds.beliefs["estimate_x"] = 1e7
         simulation.step(np.tile(np.array([1.0, 0.0], np.float32), (1000, 1, 1)))
     heading = simulation.worlds.vehicles["heading"][:, 0]
     assert np.std(heading) == pytest.approx(0.05, rel=4.0 / math.sqrt(2 * 1000))
@@ -91,11 +93,12 @@ def test_noise_of_the_heading_is_steered_out_and_drawn_anew() -> None:
 
 
 def test_current_differs_by_episode_and_carries_the_vehicle() -> None:
-    vehicles = simulate("masmitja2023", 500, 3, **{"vehicle.max_speed": 1e-9})["vehicles"]
+    course = simulate("masmitja2023", 500, 3, **{"vehicle.max_speed": 1e-9})
+    vehicles, navigation = course["vehicles"], course["navigation"]
     drift = np.hypot(np.diff(vehicles["x"], axis=0), np.diff(vehicles["y"], axis=0)) / 30.0
     np.testing.assert_allclose(drift[0], drift[2], atol=1e-6)
     assert drift.max() <= 0.3 and drift[0].mean() == pytest.approx(0.15, abs=4 * 0.3 / math.sqrt(12 * 500))
-    np.testing.assert_allclose(vehicles["believed_x"][1:], vehicles["x"][1:], atol=1e-9)  # it knows where it is all the same
+    np.testing.assert_allclose(navigation["x"][1:], vehicles["x"][1:], atol=1e-9)  # it knows where it is all the same
 
 
 def test_straight_target_keeps_course_and_speed() -> None:

@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tagtrack.envs.belief.assumptions import Belief, filter_rule
+from tagtrack.envs.belief.assumptions import Belief
+from tagtrack.envs.belief.filter import ParticleFilter
 from tagtrack.envs.belief.recovery import Recovery, SecondResampling, follow_likelihood, scatter_share, wants_second_resampling
-from tagtrack.envs.belief.row import BELIEF, make_scratch
-from tagtrack.envs.belief.update import update_belief
+from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.measurement import measurement
 from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sensors import TimeOfFlightReceiver
-from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 
 TASK = SCENARIOS["TagTrack/TimeOfFlight-v0"]
@@ -53,10 +52,8 @@ def test_readings_of_several_vehicles_count_as_their_geometric_mean() -> None:
 
 
 def test_random_particles_fill_the_square_of_the_start_and_are_taken_from_all_alike() -> None:
-    vehicle = np.zeros(1, VEHICLE)
-    vehicle["believed_x"], vehicle["believed_y"] = 1000.0, -500.0
     particles = np.zeros((4, 40_000), np.float32)
-    scatter_share(particles, 0.1, vehicle[0], STREAM, 0, 100.0)
+    scatter_share(particles, 0.1, 1000.0, -500.0, STREAM, 0, 100.0)
     moved = np.flatnonzero(particles[0])
     assert moved.size == 4000 and set(np.diff(moved)) == {10}
     for row, low, width in ((0, 900.0, 200.0), (1, -600.0, 200.0), (2, -np.pi, 2.0 * np.pi)):
@@ -92,18 +89,15 @@ def test_correction_is_algorithm_2(second: SecondResampling) -> None:
         weight_floor=1e-7,
         recovery=recovery,
     )
-    rng = np.random.default_rng(1)
-    particles = np.zeros((4, belief_of.particles), np.float32)
-    particles[:2] = rng.uniform(-100.0, 100.0, (2, belief_of.particles))
+    filter_ = ParticleFilter(belief_of)
+    filter_.begin(0.0, 0.0, seed=7)
+    particles, belief = filter_.particles[0], filter_.rows.beliefs[0]
+    particles[:2] = np.random.default_rng(1).uniform(-100.0, 100.0, (2, belief_of.particles))
     before = particles[:2].astype(np.float64)
-    belief, vehicles, contacts = np.zeros(1, BELIEF), np.zeros(1, VEHICLE), np.zeros(1, CONTACT)
-    contacts["units"], contacts["slant_range"], contacts["previous_range"], contacts["detected"] = 8.0, 60.0, 60.0, True
     w_avg = equation_8(*before, belief_of).mean()
     belief["w_slow"], belief["w_fast"] = w_avg, 0.7 * w_avg  # then p = 1 - (0.8 * 0.7 + 0.2) / 1
-    update_belief(
-        particles, belief[0], vehicles, contacts, STREAM, 0, to_record(filter_rule(belief_of, 2.0))[0], 2.0,
-        make_scratch(belief_of.particles),
-    )  # fmt: skip
+    filter_.predict(2.0)
+    filter_.correct(measurement(time=2.0, x=0.0, y=0.0, readings=[8.0, 60.0]))
     p = 1.0 - (0.8 * 0.7 + 0.2)
     weight, near = equation_8(*before, belief_of), np.hypot(before[0] - 60.0, before[1]) < 12.0
     share = (1 - p) * (weight * near).sum() / weight.sum() + p * near.mean()

@@ -23,13 +23,14 @@ def belief():
 
 
 def test_a_recording_begins_with_the_start_and_holds_every_step(recording):
-    assert recording.vehicle.shape == recording.contact.shape == recording.belief.shape == (STEPS + 1,)
-    assert recording.fish.shape == (STEPS + 1, 2)
-    assert recording.vehicle["x"][0] == recording.vehicle["y"][0] == 0.0
-    assert not recording.contact["detected"][0]
-    assert recording.contact["detected"].sum() > 5
+    for rows in (recording.measurement, recording.navigation, recording.belief, recording.error):
+        assert rows.shape == (STEPS + 1,)
+    assert recording.fish.shape == recording.vehicle.shape == (STEPS + 1, 2)
+    assert not recording.vehicle[0].any()
+    assert not recording.detected[0]
+    assert recording.detected.sum() > 5
     miss = np.hypot(recording.belief["estimate_x"] - recording.fish[:, 0], recording.belief["estimate_y"] - recording.fish[:, 1])
-    np.testing.assert_allclose(miss, recording.belief["error"], atol=1e-9)
+    np.testing.assert_allclose(miss, recording.error, atol=1e-9)
 
 
 def test_a_trial_is_the_same_alone_among_others_and_on_two_threads(recording, belief):
@@ -47,13 +48,13 @@ def test_trials_and_seeds_draw_other_particles(recording, belief):
 
 def test_offline_trials_err_as_the_filter_on_board_did(recording):
     """The same filter over the same readings: that run is one more draw, within the range of 40 (but for 5 % of seeds)."""
-    on_board = recording.belief["error"][1:].mean()
+    on_board = recording.error[1:].mean()
     offline = refilter(recording, moving_scenario(300, STEPS).belief, 40).mean(axis=1)
     assert offline.min() < on_board < offline.max()
 
 
 def test_without_a_reading_the_particles_stay_about_the_start(recording, belief):
-    silent = replace(recording, contact=np.zeros_like(recording.contact))
+    silent = replace(recording, measurement=np.zeros_like(recording.measurement))
     still = replace(belief, motion=replace(belief.motion, speed_sigma=0.0, max_speed=1e-6))
     error = refilter(silent, still, 1)[0]
     # 300 particles in a square of 200 m have their mean within 4 * 58 / sqrt(300) = 13 m of the vehicle's start.

@@ -77,8 +77,10 @@ def test_range_is_a_ring_about_the_place_where_it_was_heard(env_id: str) -> None
     narrow = {"belief.receiver.bearing_sigma": 1e-3} if env_id == "TagTrack/TimeOfFlight-v0" else {}
     overrides = {**narrow, "water.clear_hearing": 1.0, "water.noisy_share": 0.0, "belief.half_width": 600.0}
     env = sailed(env_id, steps=3, overrides=overrides)
-    contact = env.unwrapped.simulation.worlds.contacts[0, 0, 0]
-    radius = np.sqrt(contact["slant_range"] ** 2 - contact["depth"] ** 2)
+    simulation = env.unwrapped.simulation
+    told = simulation.worlds.measurements[0, 0, 0]
+    slant_range = told["readings"][simulation.scenario.receiver.readings.index("slant_range")]
+    radius = np.sqrt(slant_range**2 - told["depth"] ** 2)
     span = 1.12 * 1200.0  # [m] across the map
     ring = 4.0 * 2.0 * np.pi * radius * 640.0 / span
     assert 0.5 * ring < tinted(env) < 1.3 * ring

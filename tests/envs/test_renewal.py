@@ -10,16 +10,16 @@ from tagtrack.envs.belief.assumptions import Belief, filter_rule
 from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring
 from tagtrack.envs.belief.row import BELIEF, make_scratch
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.measurement import measurement
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sensors import RangeReceiver
-from tagtrack.envs.sim.acoustics import CONTACT
-from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.tag import Tag
 
 STREAM = (np.uint64(7), np.uint64(0), np.uint64(0), np.uint64(4))
 RANGING = Belief(particles=40_000, receiver=RangeReceiver(range_sigma=6.0), renewed_share=0.015, renewed_radius=300.0)
-RULE = to_record(filter_rule(RANGING, 10.0))[0]
+RULE = to_record(filter_rule(RANGING, Tag(period=10.0)))[0]
 
 
 def test_compound_resampling_moves_its_share_to_a_disc_about_the_estimate_and_takes_from_all_alike() -> None:
@@ -39,10 +39,9 @@ def test_compound_resampling_moves_its_share_to_a_disc_about_the_estimate_and_ta
 @pytest.mark.parametrize(("slant_range", "depth"), [(250.0, 30.0), (40.0, 38.0), (20.0, 60.0)])
 def test_ring_of_a_range_lies_where_a_fish_of_that_depth_can_be(slant_range: float, depth: float) -> None:
     """Every slant range within four sigmas of the reading, none shorter than the depth, in all directions, all finite."""
-    vehicle, contact = np.zeros(1, VEHICLE), np.zeros(1, CONTACT)
-    vehicle["believed_x"], contact["slant_range"], contact["depth"] = 80.0, slant_range, depth
+    told = measurement(time=0.0, x=80.0, y=0.0, depth=depth, readings=[slant_range])
     particles = np.zeros((4, RANGING.particles), np.float32)
-    scatter_on_ring(particles, vehicle[0], contact[0], STREAM, 0, RULE, make_scratch(RANGING.particles))
+    scatter_on_ring(particles, told[0], STREAM, 0, RULE, make_scratch(RANGING.particles))
     slant = np.sqrt((particles[0].astype(float) - 80.0) ** 2 + particles[1].astype(float) ** 2 + depth**2)
     assert np.isfinite(particles).all()
     least, largest = max(slant_range - 24.0, depth), max(slant_range + 24.0, depth + 24.0)

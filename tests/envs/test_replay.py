@@ -8,7 +8,7 @@ from scipy import stats
 
 from tagtrack.envs.kernels.random import TRACK, uniform_pair
 from tagtrack.envs.motions import Replay
-from tagtrack.envs.motions.replay import cut_at_gaps, find_stretches, make_table, resample_track
+from tagtrack.envs.motions.replay import END_ROW, START_ROW, cut_at_gaps, find_stretches, make_table, resample_track
 from tagtrack.envs.motions.tracks import Track, find_unbroken
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
@@ -96,17 +96,17 @@ def test_a_gap_just_within_the_limit_is_interpolated_and_a_longer_one_is_not():
 def test_a_single_track_begins_where_one_always_did():
     """The rule of one track: a uniform number times the rows that leave a whole episode, rounded down."""
     simulation = replay([swim(173)], worlds=50, seed=3)
-    for world, start in enumerate(simulation.worlds.targets["start_row"][:, 0]):
+    for world, start in enumerate(simulation.worlds.targets["memory"][:, 0, START_ROW]):
         key = (np.uint64(3 + world), np.uint64(0), np.uint64(0), np.uint64(0))
         assert start == int(uniform_pair(key, TRACK, 0)[0] * (173 - EPISODE))
-    np.testing.assert_array_equal(simulation.worlds.targets["end_row"], 172)
+    np.testing.assert_array_equal(simulation.worlds.targets["memory"][..., END_ROW], 172)
 
 
 def test_every_beginning_of_a_herd_is_equally_likely():
     """Chi-square over all beginnings of three stretches of two animals; refused only at a chance of one in ten thousand."""
     herd = [join(swim(EPISODE + 3), swim(EPISODE + 1, first=5000.0), tag="a"), swim(EPISODE + 8, first=7.0, tag="b")]
     simulation = replay(herd, worlds=12_000)
-    starts, counts = np.unique(simulation.worlds.targets["start_row"], return_counts=True)
+    starts, counts = np.unique(simulation.worlds.targets["memory"][..., START_ROW], return_counts=True)
     np.testing.assert_array_equal(starts, [0, 1, 2, 13, 24, 25, 26, 27, 28, 29, 30, 31])
     assert stats.chisquare(counts).pvalue > 1e-4
 

@@ -4,6 +4,7 @@ A particle here carries its own number as x, so that the resampled row tells eac
 """
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -29,16 +30,16 @@ SMALLEST_OFFSET = 2.0**-33
 class Row:
     """A row of particles with the scratch that resampling needs."""
 
-    def __init__(self, weights):
+    def __init__(self, weights, rows=4):
         self.weight = np.array(weights, f32)
         count = self.weight.size
-        self.particles = np.stack([k * count + np.arange(count, dtype=f32) for k in range(4)])
+        self.particles = np.stack([k * count + np.arange(count, dtype=f32) for k in range(rows)])
         self.fixed = np.zeros(count, np.int32)
         self.parent = np.zeros(count + 1, np.int32)
-        self.children = np.zeros(count, f32)
+        self.whole = np.zeros(4 * count, f32)
 
     def resample(self, offset):
-        return resample(self.particles, self.weight, self.fixed, self.parent, self.children, offset)
+        return resample(self.particles, self.weight, self.fixed, self.parent, self.whole, offset)
 
 
 def parents(weights, offset):
@@ -100,11 +101,51 @@ def test_offspring_stand_in_the_order_of_their_parents():
     assert np.all(np.diff(parents(uneven_weights(1000, seed=0), 0.3)) >= 0)
 
 
-def test_all_components_of_a_particle_move_together():
-    row = Row(uneven_weights(37, seed=3))
+def plain_parents(first_pointer):
+    """Pointer j falls into the share of the last particle whose first pointer is not past it."""
+    return np.searchsorted(first_pointer, np.arange(first_pointer.size), side="right") - 1
+
+
+@pytest.mark.parametrize("rows", [4, 5])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 7, 8, 37, 1000, 1001, 1002, 4003, 20_000])
+def test_all_components_of_a_particle_move_together(count, rows):
+    """Particles are copied four at a time: the rest of a row, one to three, and a fifth component go by loops of their own."""
+    row = Row(uneven_weights(count, seed=3), rows)
+    row.particles[...] = np.random.default_rng(count).normal(size=(rows, count))  # no two alike
     before = row.particles.copy()
     assert row.resample(0.6)
-    np.testing.assert_array_equal(row.particles, before[:, row.particles[0].astype(int)])
+    np.testing.assert_array_equal(row.particles, before[:, plain_parents(row.fixed)])
+    chosen = parents(row.weight, 0.6)
+    np.testing.assert_array_equal(chosen, plain_parents(row.fixed))
+
+
+@pytest.mark.parametrize("place", [0, 1, 998, 1000])
+def test_one_particle_may_fill_the_whole_row(place):
+    row = Row(np.arange(1001) == place, rows=5)
+    before = row.particles.copy()
+    assert row.resample(0.1)
+    np.testing.assert_array_equal(row.particles, np.repeat(before[:, [place]], 1001, axis=1))
+
+
+def test_a_particle_keeps_its_bits():
+    """NaN with its payload, infinity, the smallest subnormal and minus zero are copied, not computed with."""
+    odd = np.array([0x7FC12345, 0xFF800000, 0x00000001, 0x80000000, 0x3F800000], np.uint32).view(f32)
+    row = Row(np.ones(odd.size), rows=5)
+    row.particles[...] = odd
+    assert row.resample(0.5)
+    np.testing.assert_array_equal(row.particles.view(np.uint32), np.tile(odd.view(np.uint32), (5, 1)))
+
+
+def test_first_pointers_are_those_of_plain_integers():
+    """ceil(sum before * N / total - offset) with Python's exact integers; where that is whole but for rounding, a neighbour."""
+    for count in (1, 3, 64, 1001):
+        row = Row(uneven_weights(count, seed=count))
+        scaled = row.weight * (f32(2.0**30) / total_weight(row.weight))
+        before = np.concatenate([[0], np.cumsum(scaled.astype(np.int64))])
+        assert row.resample(0.25)
+        exact = [Fraction(int(b) * count, int(before[-1])) - Fraction(1, 4) for b in before[:-1]]
+        for found, wanted in zip(row.fixed.tolist(), exact, strict=True):
+            assert found == math.ceil(wanted) or abs(found - wanted) < 1e-9
 
 
 def filterpys_choice(weights, offset, monkeypatch):
@@ -183,7 +224,7 @@ for exponent in (*range(-45, -24), *range(25, 38)):
     for count in (1, 2, 5, 64, 1000):
         weight = ((1 + np.arange(count)[::-1]) * 10.0**exponent / count).astype(f32)
         row = np.tile(np.arange(count, dtype=f32), (4, 1))
-        resample(row, weight, np.zeros(count, np.int32), np.zeros(count + 1, np.int32), np.zeros(count, f32), 0.5)
+        resample(row, weight, np.zeros(count, np.int32), np.zeros(count + 1, np.int32), np.zeros(4 * count, f32), 0.5)
         assert np.isin(row, np.arange(count)).all(), (exponent, count)
         assert np.all(np.diff(row[0]) >= 0), (exponent, count)
 """

@@ -17,6 +17,7 @@ from tagtrack.envs.range_only import RangeOnlyEnv
 from tagtrack.envs.rewards import Reward
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.single import TagTrackEnv
+from tagtrack.envs.task import TaskOptions
 from tagtrack.envs.time_of_flight import TimeOfFlightEnv
 
 AHEAD = np.array([1.0, 0.0], np.float32)
@@ -36,20 +37,21 @@ def table_under(heading: str, documented: type[TagTrackEnv] = TagTrackEnv) -> li
 @pytest.mark.parametrize("env_id", SCENARIOS)
 def test_observation_table_of_the_docstring_agrees_with_the_features(env_id: str) -> None:
     env = gym.make(env_id, particles=10).unwrapped
-    layout = features(1, env.simulation.scenario.receiver.kind)
+    layout = features(env.simulation.scenario)
     expected = [[str(k), each.name, each.meaning, f"{each.low:g} to {each.high:g}"] for k, each in enumerate(layout)]
     assert table_under("Observation", type(env)) == expected
     assert f"``{env_id}``" in type(env).__doc__
 
 
 def test_action_table_of_the_docstring_agrees_with_the_action_names() -> None:
-    assert tuple(row[1] for row in table_under("Action")) == action_names(speed_control=True)
+    assert tuple(row[1] for row in table_under("Action")) == action_names(Scenario(speed_control=True))
 
 
 def test_docstring_names_every_argument_and_the_default_lengths() -> None:
     text = TagTrackEnv.__doc__
-    assert all(f"{name}:" in text for name in inspect.signature(TagTrackEnv).parameters)
-    assert f"(both {Scenario().episode_steps} as registered)" in text
+    arguments = {*inspect.signature(TagTrackEnv).parameters} - {"options"} | {*TaskOptions.__annotations__}
+    assert all(f"{name}:" in text for name in arguments)
+    assert f"``episode_steps`` ({Scenario().episode_steps})" in text
     assert f"{Reward().error_cap:g} m" in text
     assert re.search(r"\* v0:", text)
 
@@ -156,9 +158,9 @@ def test_episode_is_truncated_and_never_terminated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (400, None, 300), (350, 320, 320)]
+    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (400, None, 400), (350, 320, 320)]
 )
-def test_episode_lasts_the_lesser_of_both_limits(episode_steps: int, max_episode_steps: int, length: int) -> None:
+def test_episode_lasts_as_the_scenario_says_or_less(episode_steps: int, max_episode_steps: int, length: int) -> None:
     env = gym.make(
         "TagTrack/LeopardShark-v0",
         particles=10,
@@ -167,7 +169,7 @@ def test_episode_lasts_the_lesser_of_both_limits(episode_steps: int, max_episode
     )
     env.reset(seed=0)
     ends = [env.step(AHEAD)[3] for _ in range(length)]
-    assert ends.index(True) == length - 1
+    assert ends == [False] * (length - 1) + [True]
 
 
 def test_step_before_reset_is_refused() -> None:

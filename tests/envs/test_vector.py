@@ -115,11 +115,12 @@ def test_first_reset_without_a_seed_draws_one() -> None:
     assert not np.array_equal(make().reset()[0], make().reset()[0])
 
 
-def test_lower_of_both_limits_truncates() -> None:
-    env = make(max_episode_steps=3)
+@pytest.mark.parametrize("limit", [3, LIMIT + 2])
+def test_limit_that_is_asked_for_takes_the_place_of_the_scenarios(limit: int) -> None:
+    env = make(max_episode_steps=limit)
     env.reset(seed=0)
-    assert [bool(env.step(actions)[3].all()) for actions in ACTIONS[:3]] == [False, False, True]
-    assert make(max_episode_steps=300).episode_limit == LIMIT
+    assert [bool(env.step(actions)[3].all()) for actions in ACTIONS[:limit]] == [False] * (limit - 1) + [True]
+    assert make().episode_limit == LIMIT
 
 
 def test_make_vec_gives_the_native_environment_with_the_registered_limit() -> None:

@@ -12,6 +12,7 @@ from scipy import stats
 
 from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.kernels.records import to_record
+from tagtrack.envs.measurement import NAVIGATION
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.vehicle import VEHICLE, Vehicle, hold_course, steer
 from tagtrack.envs.simulation import Simulation
@@ -39,14 +40,16 @@ class Boat:
     def __init__(self, parameters=EXACT, heading=0.0, speed=0.0, time_step=1.0):
         self.parameters = to_record(parameters)[0]
         self.time_step, self.step = time_step, 0
-        self.state = np.zeros(1, VEHICLE)
-        self.state["heading"] = self.state["compass"] = heading
-        self.state["speed"] = speed
+        self.state, self.believed = np.zeros(1, VEHICLE), np.zeros(1, NAVIGATION)
+        self.state["heading"] = self.believed["heading"] = heading
+        self.state["speed"] = self.believed["speed"] = speed
 
     def steer(self, course, speed=1.0):
         self.step += 1
         stream = (np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(self.step))
-        steer(self.state[0], float(course), float(speed), stream, 0, self.parameters, self.time_step)
+        steer(
+            self.state[0], self.believed[0], float(course), float(speed), stream, 0, self.parameters, self.time_step
+        )  # fmt: skip
         return self
 
     def __getattr__(self, name):
@@ -59,17 +62,19 @@ def turned(angle):
 
 
 def fleet(parameters, steps, seed=0, action=(1.0, 0.0), time_step=1.0):
-    """States (steps + 1, WORLDS) of as many vehicles, the first from before the first step."""
+    """Truth and navigation, each (steps + 1, WORLDS), of as many vehicles, the first from before the first step."""
     scenario = dataclasses.replace(
         Scenario(), vehicle=parameters, belief=Belief(particles=1), time_step=time_step, episode_steps=steps
     )
     simulation = Simulation(scenario, WORLDS)
     simulation.reset(seed=seed)
-    states = [simulation.worlds.vehicles[:, 0].copy()]
+    worlds = simulation.worlds
+    states, believed = [worlds.vehicles[:, 0].copy()], [worlds.navigation[:, 0].copy()]
     for _ in range(steps):
         simulation.step(np.tile(np.array(action, np.float32), (WORLDS, 1, 1)))
-        states.append(simulation.worlds.vehicles[:, 0].copy())
-    return np.array(states)
+        states.append(worlds.vehicles[:, 0].copy())
+        believed.append(worlds.navigation[:, 0].copy())
+    return np.array(states), np.array(believed)
 
 
 # Steering.
@@ -148,25 +153,26 @@ def test_vehicle_turning_all_the_time_runs_a_circle():
 def test_heading_is_corrected_at_the_control_interval_however_long_a_step(time_step, corrections):
     """The paper's controller runs at 1 Hz (4.2); a policy may choose a course more seldom."""
     boat = Boat(time_step=time_step)
-    held = boat.state.copy()
+    held, believed = boat.state.copy(), boat.believed.copy()
     stream = (np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(1))
-    hold_course(held[0], 0.4, 1.0, stream, 0, boat.parameters, time_step)
+    hold_course(held[0], believed[0], 0.4, 1.0, stream, 0, boat.parameters, time_step)
     for _ in range(corrections):
-        steer(boat.state[0], 0.4, 1.0, stream, 0, boat.parameters, time_step / corrections)
-    for name in ("x", "y", "heading", "speed", "believed_x", "believed_y"):
+        steer(boat.state[0], boat.believed[0], 0.4, 1.0, stream, 0, boat.parameters, time_step / corrections)
+    for name in ("x", "y", "heading", "speed"):
         assert held[name][0] == pytest.approx(boat.state[name][0], abs=1e-12)
+        assert believed[name][0] == pytest.approx(boat.believed[name][0], abs=1e-12)
     assert 0.4 - boat.heading == pytest.approx(0.4 * (1 - 0.5 * time_step / corrections) ** corrections)
 
 
 def test_controller_sees_the_compass_and_not_the_true_heading():
     boat = Boat(heading=0.0)
-    boat.state["compass"] = 0.1
+    boat.believed["heading"] = 0.1
     assert boat.steer(course=0.1).heading == 0.0
 
 
 def test_compass_errs_by_its_sigma_afresh_at_every_step():
-    states = fleet(Vehicle(compass_sigma=0.05), steps=3)
-    errors = turned(states["compass"] - states["heading"])
+    states, believed = fleet(Vehicle(compass_sigma=0.05), steps=3)
+    errors = turned(believed["heading"] - states["heading"])
     for row in errors:
         assert stats.kstest(row / 0.05, "norm").pvalue > 1e-4
     correlation = np.corrcoef(errors)
@@ -174,7 +180,7 @@ def test_compass_errs_by_its_sigma_afresh_at_every_step():
 
 
 def test_vehicles_start_at_rest_at_the_origin_on_any_heading():
-    start = fleet(Vehicle(), steps=1)[0]
+    start = fleet(Vehicle(), steps=1)[0][0]
     for name in ("x", "y", "speed"):
         assert not start[name].any()
     assert stats.kstest((start["heading"] + math.pi) / (2 * math.pi), "uniform").pvalue > 1e-4
@@ -184,8 +190,8 @@ def test_vehicles_start_at_rest_at_the_origin_on_any_heading():
 
 
 def test_first_position_is_a_gps_fix_independent_of_the_compass():
-    start = fleet(Vehicle(fix_sigma=2.0, compass_sigma=0.03), steps=1)[0]
-    errors = np.stack([start["believed_x"] / 2.0, start["believed_y"] / 2.0, turned(start["compass"] - start["heading"]) / 0.03])
+    start, believed = (rows[0] for rows in fleet(Vehicle(fix_sigma=2.0, compass_sigma=0.03), steps=1))
+    errors = np.stack([believed["x"] / 2.0, believed["y"] / 2.0, turned(believed["heading"] - start["heading"]) / 0.03])
     for row in errors:
         assert stats.kstest(row, "norm").pvalue > 1e-4
     assert np.abs(np.corrcoef(errors) - np.eye(3)).max() < ERRORS / math.sqrt(WORLDS)
@@ -196,19 +202,19 @@ def test_dead_reckoning_error_grows_with_the_root_of_time(time_step):
     """Variance sigma^2 t along each axis, from an exact first fix; the variance of n normals is known to sqrt(2/n)."""
     seconds = 16
     parameters = Vehicle(fix_interval=1e6, fix_sigma=0.0, drift_sigma=0.25)
-    states = fleet(parameters, steps=round(seconds / time_step), time_step=time_step)
+    states, believed = fleet(parameters, steps=round(seconds / time_step), time_step=time_step)
     for elapsed in (1, 4, 16):
-        at = states[round(elapsed / time_step)]
-        for believed, true in (("believed_x", "x"), ("believed_y", "y")):
-            error = at[believed] - at[true]
+        at = round(elapsed / time_step)
+        for axis in ("x", "y"):
+            error = believed[axis][at] - states[axis][at]
             assert np.var(error) == pytest.approx(0.0625 * elapsed, rel=ERRORS * math.sqrt(2 / WORLDS))
             assert abs(error.mean()) < ERRORS * 0.25 * math.sqrt(elapsed / WORLDS)
 
 
 def test_a_fix_at_every_interval_resets_the_error():
     """Every 10 s the error is that of GPS alone; a second before, that of nine seconds of drift on top."""
-    states = fleet(Vehicle(fix_interval=10.0, fix_sigma=0.5, drift_sigma=1.0), steps=31)
-    error = states["believed_x"] - states["x"]
+    states, believed = fleet(Vehicle(fix_interval=10.0, fix_sigma=0.5, drift_sigma=1.0), steps=31)
+    error = believed["x"] - states["x"]
     for step in (10, 20, 30):
         assert np.var(error[step]) == pytest.approx(0.25, rel=ERRORS * math.sqrt(2 / WORLDS))
         assert np.var(error[step - 1]) == pytest.approx(0.25 + 9.0, rel=ERRORS * math.sqrt(2 / WORLDS))
@@ -219,27 +225,28 @@ def test_a_fix_at_every_interval_resets_the_error():
 
 def test_long_steps_draw_noise_of_their_own_for_every_correction():
     """Two corrections a step: drift and compass as in two steps of half the length, and two vehicles share no draw."""
-    states = fleet(Vehicle(fix_interval=1e6, fix_sigma=0.0, drift_sigma=0.25, compass_sigma=0.03), steps=4, time_step=2.0)
-    assert np.var(states["believed_x"][4] - states["x"][4]) == pytest.approx(0.5, rel=ERRORS * math.sqrt(2 / WORLDS))
+    swaying = Vehicle(fix_interval=1e6, fix_sigma=0.0, drift_sigma=0.25, compass_sigma=0.03)
+    states, believed = fleet(swaying, steps=4, time_step=2.0)
+    assert np.var(believed["x"][4] - states["x"][4]) == pytest.approx(0.5, rel=ERRORS * math.sqrt(2 / WORLDS))
     scenario = dataclasses.replace(Scenario(), vehicles=2, time_step=2.0, belief=Belief(particles=1))
     simulation = Simulation(scenario, WORLDS)
     simulation.reset(seed=0)
     simulation.step(np.zeros((WORLDS, 2, 2)))
-    vehicles = simulation.worlds.vehicles
-    errors = np.concatenate([(vehicles["believed_x"] - vehicles["x"]).T, turned(vehicles["compass"] - vehicles["heading"]).T])
+    true, believes = simulation.worlds.vehicles, simulation.worlds.navigation
+    errors = np.concatenate([(believes["x"] - true["x"]).T, turned(believes["heading"] - true["heading"]).T])
     assert np.abs(np.corrcoef(errors) - np.eye(4)).max() < ERRORS / math.sqrt(WORLDS)
 
 
 def test_vehicle_that_stays_at_the_surface_has_a_fix_at_every_step():
-    states = fleet(Vehicle(fix_interval=0.0, fix_sigma=0.5, drift_sigma=5.0), steps=5)
-    for row in (states["believed_x"] - states["x"])[1:]:
+    states, believed = fleet(Vehicle(fix_interval=0.0, fix_sigma=0.5, drift_sigma=5.0), steps=5)
+    for row in (believed["x"] - states["x"])[1:]:
         assert np.std(row) == pytest.approx(0.5, rel=ERRORS * math.sqrt(0.5 / WORLDS))
 
 
 def test_exact_vehicle_knows_where_it_is():
-    states = fleet(dataclasses.replace(EXACT, fix_interval=1e6), steps=40, action=(0.3, 1.0))
-    np.testing.assert_allclose(states["believed_x"], states["x"], atol=1e-9)
-    np.testing.assert_allclose(states["believed_y"], states["y"], atol=1e-9)
+    states, believed = fleet(dataclasses.replace(EXACT, fix_interval=1e6), steps=40, action=(0.3, 1.0))
+    for name in ("x", "y", "heading", "speed"):
+        np.testing.assert_allclose(believed[name], states[name], atol=1e-9)
     assert np.hypot(states["x"][-1], states["y"][-1]).min() > 1.0  # and it has moved
 
 
@@ -252,7 +259,7 @@ def test_current_carries_the_vehicle_and_dead_reckoning_does_not_see_it():
         still.steer(0.3)
     carried = 20.0 * math.cos(0.75 * math.pi), 20.0 * math.sin(0.75 * math.pi)
     assert (boat.x - still.x, boat.y - still.y) == (pytest.approx(carried[0]), pytest.approx(carried[1]))
-    assert (boat.believed_x, boat.believed_y) == (pytest.approx(still.x), pytest.approx(still.y))
+    assert (boat.believed["x"][0], boat.believed["y"][0]) == (pytest.approx(still.x), pytest.approx(still.y))
     assert boat.speed == pytest.approx(1.0)  # speed is through the water
 
 
@@ -260,9 +267,9 @@ def test_fix_ends_the_error_that_a_current_has_made():
     boat = Boat(dataclasses.replace(EXACT, current_speed=0.5, fix_interval=10.0), speed=1.0)
     for _ in range(9):
         boat.steer(0.0)
-    assert boat.x - boat.believed_x == pytest.approx(4.5)
+    assert boat.x - boat.believed["x"][0] == pytest.approx(4.5)
     boat.steer(0.0)
-    assert boat.x == boat.believed_x
+    assert boat.x == boat.believed["x"][0]
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--set", "vehicles=3"), "got vehicles=3"),
         (("--tracks", "none.csv"), "no track file none.csv"),
         (("--time-scale", "0.5"), "add tracks=FILE"),
-        (("--motion", "swift"), "fish must be one of momentum, brownian, levy, boat, legs, or MODULE:CLASS of your own, got 'swift'"),
+        (("--motion", "swift"), "one of momentum, brownian, levy, boat, legs, or MODULE:CLASS of your own, got 'swift'"),
         (("--motion", "levy", "--set", "fish=boat"), "the motion of the fish is set twice, to levy and to boat; drop one"),
         (("--motion", "levy", "--tracks", "a.csv"), "either the tracks of a.csv or by a motion (fish=levy); drop one"),
         (("--policies", "static_array:far"), "baseline must be a number of metres, got 'far'"),

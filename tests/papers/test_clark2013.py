@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.belief.assumptions import FILTERS, Belief
-from tagtrack.envs.belief.filter import Weighting
-from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.motions import BrownianWalk, LevyFlight, MomentumRandomWalk
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sensors import StereoHydrophone
+from tagtrack.envs.sensors import StereoHydrophone, Weighting
 from tagtrack.envs.sensors.bearing import LARGEST_UNIT, bearing_in_units
 from tagtrack.envs.sensors.stereo import expect_strength, expected_strength, weigh_bearing, weigh_combined, weigh_strength
 from tagtrack.envs.sim.acoustics import Water
@@ -42,8 +40,9 @@ def test_equation_5_has_the_printed_coefficients():
 
 
 def test_equation_8_has_the_printed_constants():
-    receiver = to_record(StereoHydrophone())[0]
-    strengths = [expected_strength(distance, receiver) for distance in (1.0, 10.0)]
+    receiver = StereoHydrophone()
+    constants = receiver.strength_slope, receiver.strength_scale
+    strengths = [expected_strength(distance, *constants) for distance in (1.0, 10.0)]
     assert math.log10(strengths[0]) == pytest.approx(2.18)  # b
     assert math.log10(strengths[1]) - math.log10(strengths[0]) == pytest.approx(-0.871)  # a
 
@@ -81,7 +80,7 @@ def test_the_six_filters_of_table_three_differ_in_motion_and_readings_alone():
     assert list(FILTERS) == list(TABLE_THREE)
     for name, (motion, weighting) in TABLE_THREE.items():
         assert type(FILTERS[name].motion) is motion
-        assert FILTERS[name] == Belief(motion=motion(), weighting=weighting)
+        assert FILTERS[name] == Belief(motion=motion(), receiver=StereoHydrophone(weighting=weighting))
 
 
 def test_default_gamma_is_the_one_of_table_threes_best_levy_filter():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import LARGEST_SHARE
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
@@ -50,7 +49,7 @@ def test_receiver_of_the_task_has_the_tag_and_the_gate_of_the_bench():
     assert (receiver.wander, receiver.code_spacing) == (tag.wander, tag.code_spacing)
     assert (receiver.tick, receiver.misread) == (bench.tick, bench.misread)
     assert bench.tick == TICK
-    assert Belief().largest_jump == LARGEST_JUMP
+    assert receiver.largest_jump == LARGEST_JUMP
 
 
 def test_table_one_gives_table_two():
@@ -147,7 +146,7 @@ def test_reach_of_a_period_of_two_seconds_is_1500_metres():
 def test_constants_of_the_task():
     belief = TIME_OF_FLIGHT.belief
     assert belief.weight_floor == 1e-7  # w_min (IV.C.3)
-    assert belief.largest_jump == 50.0  # [m] (Alg. 1)
+    assert belief.receiver.largest_jump == 50.0  # [m] (Alg. 1)
     assert LARGEST_SHARE == 0.5  # (Alg. 2, line 9)
     assert TIME_OF_FLIGHT.tag.period == 2.0  # [s] (III.A)
     assert TIME_OF_FLIGHT.start.farthest == 85.0  # [m] (V.B)
@@ -158,13 +157,13 @@ def errors_of(measurements, courses=None, worlds=256):
 
     Without ``courses`` the vehicle sails by the belief, on a slant of 60 degrees.
     """
-    scenario = with_overrides(TIME_OF_FLIGHT, {"belief.measurements": measurements})
+    scenario = with_overrides(TIME_OF_FLIGHT, {"belief.receiver.measurements": measurements})
     simulation = Simulation(scenario, worlds)
     simulation.reset(seed=900)
     errors, sailed = [], []
     for step in range(scenario.episode_steps):
-        vehicles, mean = simulation.worlds.vehicles[:, 0], simulation.mean[:, 0, 0]
-        line = np.arctan2(mean[:, 1] - vehicles["believed_y"], mean[:, 0] - vehicles["believed_x"])
+        navigation, mean = simulation.worlds.navigation[:, 0], simulation.mean[:, 0, 0]
+        line = np.arctan2(mean[:, 1] - navigation["y"], mean[:, 0] - navigation["x"])
         sailed.append(line + np.radians(60.0) if courses is None else courses[step])
         turn = sailed[-1] - line
         simulation.step(np.stack([np.cos(turn), np.sin(turn)], axis=-1).astype(np.float32)[:, None])

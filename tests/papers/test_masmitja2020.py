@@ -77,7 +77,7 @@ def test_one_assumption_changes_in_each_table():
     for variant in VARIANTS[1:]:
         assert (variant.belief != AOTT) + variant.told + variant.wandering == 1
     assert told_of(1.0) == AOTT
-    assert replace(PUBLISHED, heavy_tails=False, receiver=AOTT.receiver) == AOTT
+    assert replace(PUBLISHED, receiver=AOTT.receiver) == AOTT
 
 
 @pytest.mark.slow

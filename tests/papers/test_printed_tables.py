@@ -112,7 +112,7 @@ def test_the_boat_is_tracked_as_long_and_filtered_as_often_as_in_lin2013():
     assert Size().offline == 20  # "the state estimator was run twenty times offline" (V.E)
     assert BINS == ((0, 30), (30, 60), (60, 90))  # [0 m, 30 m), [30 m, 60 m), and [60 m, 90 m) (V.E)
     belief = boat_scenario(1000).belief
-    assert (belief.weight_floor, belief.largest_jump) == (1e-7, 50.0)  # w_min (IV.C.3), Delta d_max (Alg. 1)
+    assert (belief.weight_floor, belief.receiver.largest_jump) == (1e-7, 50.0)  # w_min (IV.C.3), Delta d_max (Alg. 1)
 
 
 def test_the_filter_on_board_is_table_ones_with_no_bound_on_the_speed():
