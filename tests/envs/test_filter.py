@@ -18,7 +18,7 @@ from tagtrack.envs.measurement import MEASUREMENT, Status, measurement
 from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sensors import RangeReceiver
+from tagtrack.envs.sensors import RangeReceiver, StereoHydrophone
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
 
@@ -240,3 +240,19 @@ def test_rows_are_told_by_their_tags_and_threads_change_nothing() -> None:
         assert own.summary["corrections"].tolist() == [1, 0, 1, 0]
         own.close()
     assert states[0] == states[1]
+
+
+def test_jitter_parts_the_children_of_one_particle_and_widens_the_cloud_as_said() -> None:
+    """Regularized resampling, no motion: no two particles alike, and the covariance times 1 + (jitter N^(-1/6))^2, within 2 %."""
+    clouds = []
+    for jitter in (0.0, 1.0):
+        still = MomentumRandomWalk(speed_sigma=0.0, turn_sigma=0.0, max_speed=1e-9)
+        belief = Belief(particles=20_000, motion=still, receiver=StereoHydrophone(), jitter=jitter)
+        own = ParticleFilter(belief)
+        own.begin(0.0, 0.0)
+        own.predict(1.0)
+        own.correct(measurement(time=1.0, x=0.0, y=0.0, readings=[7.0, 10.0]))
+        clouds.append((len(np.unique(own.particles[0, 0])), own.covariance[0]))
+    (alike, before), (parted, after) = clouds
+    assert alike < 12_000 and parted > 19_900
+    np.testing.assert_allclose(np.diag(after) / np.diag(before), 1.0 + 20_000 ** (-1.0 / 3.0), rtol=0.02)
