@@ -9,7 +9,7 @@ import pytest
 from tagtrack.envs.layout import feature_names
 from tagtrack.envs.observation import SILENCE_SCALE
 from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.scenario import Scenario, find_scenario
+from tagtrack.envs.scenario import find_scenario
 from tagtrack.envs.simulation import Simulation
 
 SCENARIO = find_scenario("LeopardShark-v0")
@@ -43,11 +43,7 @@ def sight() -> Callable[..., np.ndarray]:
         *, distance: Any = 50.0, bearing: Any = 0.0, heading: Any = 0.0, silence: Any = 0.0, ping_phase: Any = 0.0
     ) -> np.ndarray:
         columns = {
-<<<<<<< HEAD
-            "distance": np.asarray(distance) / Scenario().scale.length,
-=======
             "distance": np.asarray(distance) / SCENARIO.scale.length,
->>>>>>> bd567f320c02ba643e8a5800237b02b91c00bce9
             "bearing_cos": np.cos(np.radians(bearing)),
             "bearing_sin": np.sin(np.radians(bearing)),
             "silence": np.log1p(silence) / SILENCE_SCALE,
@@ -56,16 +52,9 @@ def sight() -> Callable[..., np.ndarray]:
             "heading_sin": np.sin(np.radians(heading)),
         }
         rows = np.atleast_1d(np.broadcast_arrays(*columns.values())[0]).shape[0]
-<<<<<<< HEAD
-        names = feature_names(Scenario())
-        observation = np.zeros((rows, len(names)), np.float32)
-        for name, value in columns.items():
-            observation[:, names.index(name)] = value
-=======
         observation = np.zeros((rows, len(feature_names(SCENARIO))), np.float32)
         for name, value in columns.items():
             observation[:, feature_names(SCENARIO).index(name)] = value
->>>>>>> bd567f320c02ba643e8a5800237b02b91c00bce9
         return observation
 
     return make

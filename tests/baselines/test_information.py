@@ -68,11 +68,7 @@ def test_normal_chance_keeps_its_digits_far_from_the_mean() -> None:
 def test_planner_turns_off_the_line_to_tell_port_from_starboard(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
     simulation = make_simulation()
     simulation.reset(seed=0)
-<<<<<<< HEAD
-    simulation.worlds.navigation[0, 0] = 0.0
-=======
     simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0)
->>>>>>> bd567f320c02ba643e8a5800237b02b91c00bce9
     side = np.where(np.arange(64) % 2 == 0, 1.0, -1.0)
     simulation.worlds.particles[0, 0, 0, 0] = 30.0
     simulation.worlds.particles[0, 0, 0, 1] = 30.0 * side
@@ -112,18 +108,11 @@ def test_planner_expects_the_vehicle_where_it_goes(make_exact_simulation: Make) 
 def test_planner_keeps_out_of_its_perimeter(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
     simulation = make_simulation()
     simulation.reset(seed=0)
-<<<<<<< HEAD
-    own = simulation.worlds.navigation[0, 0]
-    simulation.worlds.beliefs["mean_x"] = own["x"] + 32.0
-    simulation.worlds.beliefs["mean_y"] = own["y"]
-    observation = sight(distance=32.0, heading=np.degrees(own["heading"]), bearing=-np.degrees(own["heading"]))
-=======
     navigation = simulation.worlds.navigation[0, 0]
     simulation.worlds.beliefs["mean_x"] = navigation["x"] + 32.0
     simulation.worlds.beliefs["mean_y"] = navigation["y"]
     heading = np.degrees(navigation["heading"])
     observation = sight(distance=32.0, heading=heading, bearing=-heading)
->>>>>>> bd567f320c02ba643e8a5800237b02b91c00bce9
     action, _ = Information(simulation=simulation, perimeter=31.0).predict(observation)
     assert abs(course_of(action)[0]) >= 60
 
