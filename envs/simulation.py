@@ -202,6 +202,7 @@ class Simulation:
         """Return to a state that ``save_state`` gave (of a simulation of the same shape)."""
         for own, saved in zip((*self.worlds, *self.outputs, self._begun), state, strict=True):
             np.copyto(own, saved)
+        self._ready = bool(self._begun.all())
 
     def close(self) -> None:
         """End the threads."""

@@ -50,7 +50,7 @@ _FLEETS = {
 if hasattr(pettingzoo, "register"):  # from PettingZoo 1.27 on
     for _id, _env_id in _FLEETS.items():
         for _kind, _maker in (("parallel", "parallel_env"), ("aec", "env")):
-            if _id not in getattr(pettingzoo, f"{_kind}_registry"):
+            if pettingzoo.EnvSpec(id=_id).id not in getattr(pettingzoo, f"{_kind}_registry"):  # it writes _v0 as -v0
                 pettingzoo.register(
                     _kind, _id, entry_point=f"tagtrack.envs.parallel:{_maker}", kwargs={"env_id": _env_id, "vehicles": 2}
                 )

@@ -42,7 +42,7 @@ def test_import_takes_less_than_half_a_second(run_python: Callable[..., str]) ->
 def test_import_loads_nothing_heavy(run_python: Callable[..., str]) -> None:
     loaded = set(run_python("import sys, tagtrack; print(*sys.modules)").split())
     assert "tagtrack" in loaded
-    assert not loaded & {"torch", "numba", "scipy", "matplotlib", "pygame", "stable_baselines3", "pettingzoo"}
+    assert not loaded & {"torch", "numba", "scipy", "matplotlib", "pygame", "stable_baselines3"}
     assert not {name for name in loaded if name.startswith("tagtrack.")}
 
 

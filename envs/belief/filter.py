@@ -314,8 +314,13 @@ class ParticleFilter:
     @property
     def summary(self) -> np.ndarray:
         """(R,) of ``BELIEF``: what is reported of each row; the filter's own, copy what you keep."""
-        self._refresh()
-        return self.rows.beliefs
+        if self._corrected:
+            self._refresh()
+            return self.rows.beliefs
+        # A correction that is still to come spreads particles about the estimate from before the prediction: leave that one.
+        seen = self.rows._replace(beliefs=self.rows.beliefs.copy())
+        self._workers.run(summarize_rows, self._parameters, seen)
+        return seen.beliefs
 
     @property
     def listeners(self) -> np.ndarray:
@@ -330,12 +335,14 @@ class ParticleFilter:
     @property
     def mean(self) -> np.ndarray:
         """(R, 2) [m]."""
-        return np.stack([self.summary["mean_x"], self.summary["mean_y"]], axis=-1)
+        summary = self.summary
+        return np.stack([summary["mean_x"], summary["mean_y"]], axis=-1)
 
     @property
     def estimate(self) -> np.ndarray:
         """(R, 2) what the filter reports: the mean or the best particle [m]."""
-        return np.stack([self.summary["estimate_x"], self.summary["estimate_y"]], axis=-1)
+        summary = self.summary
+        return np.stack([summary["estimate_x"], summary["estimate_y"]], axis=-1)
 
     @property
     def covariance(self) -> np.ndarray:

@@ -1,6 +1,7 @@
-"""Where particles come from when resampling has none to give: a first range, compound resampling; and a fifth row of particles.
+"""Where particles come from when resampling has none to give: a first range, compound resampling, jitter; and their fifth row.
 
-Masmitja et al. 2020 spread a share of the particles around the last estimate at each resampling; a number that a belief estimates
+Masmitja et al. 2020 spread a share of the particles around the last estimate at each resampling, Musso, Oudjane & Le Gland 2001
+draw all of them from a density about the old ones; a number that a belief estimates
 together with the position, as the unknown range of a presence receiver, is ours.
 """
 
@@ -12,8 +13,9 @@ import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.maths import sin_of_turns
-from tagtrack.envs.kernels.motion_loops import scatter_on_annulus
+from tagtrack.envs.kernels.motion_loops import displace, scatter_on_annulus
 from tagtrack.envs.kernels.random import (
+    JITTER,
     PURPOSES,
     REACH,
     RENEWAL,
@@ -24,7 +26,7 @@ from tagtrack.envs.kernels.random import (
     uniform_pair,
 )
 from tagtrack.envs.kernels.resample_loops import total_weight
-from tagtrack.envs.kernels.summary_loops import mean_of, variance_about
+from tagtrack.envs.kernels.summary_loops import mean_about, mean_of, spread_about, variance_about
 
 f32 = np.float32
 RING = 4.0  # half width of the ring of a range, in its standard deviations
@@ -77,6 +79,30 @@ def renew(particles, belief, stream, row, rule):
         if particles.shape[0] > 4:
             unit, _ = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k + 1)
             particles[4, i] = rule.middle + rule.reach * (2.0 * unit - 1.0)
+
+
+@compiled
+def part_siblings(particles, belief, stream, row, rule, scratch):
+    """Regularized resampling: normals with the covariance of the resampled particles, as narrow as so many particles allow.
+
+    The bandwidth is that of two dimensions, N^(-1/6). Musso et al. take the covariance of the weighted particles before they are
+    resampled; systematic resampling keeps it, and here it needs no loop of its own. Their kernel is for one peak: on the ring of
+    a first range or between two mirror images it would blur what ranges have told, so it is never wider than a range is sure.
+    """
+    x, y = particles[0], particles[1]
+    origin_x, origin_y = f32(belief.mean_x), f32(belief.mean_y)
+    offset_x, offset_y, _ = mean_about(x, y, origin_x, origin_y, f32(1.0), f32(0.0))
+    xx, yy, xy = spread_about(x, y, origin_x + offset_x, origin_y + offset_y)
+    width = rule.jitter * x.shape[0] ** (-1.0 / 6.0)
+    spread = math.sqrt(xx + yy)
+    if rule.ring_reading >= 0 and width * spread > rule.ring_sigma:
+        width = rule.ring_sigma / spread
+    along = f32(math.sqrt(xx))  # Cholesky: x = along n1, y = shared n1 + own n2
+    shared = xy / along if along > f32(0.0) else f32(0.0)
+    own = f32(math.sqrt(max(yy - shared * shared, f32(0.0))))
+    fill_bits(stream, JITTER + PURPOSES * row, scratch.bits)
+    bits_to_normals(scratch.bits, scratch.normal_1, scratch.normal_2)
+    displace(x, y, scratch.normal_1, scratch.normal_2, f32(width) * along, f32(width) * shared, f32(width) * own)
 
 
 @compiled

@@ -13,7 +13,7 @@ import numpy as np
 from tagtrack.envs.belief.assumptions import Estimate
 from tagtrack.envs.belief.listening import begin_listening, note
 from tagtrack.envs.belief.recovery import follow_likelihood, scatter_share, wants_second_resampling
-from tagtrack.envs.belief.renewal import is_refuted, renew, scatter_on_ring, spread_estimated, walk_estimated
+from tagtrack.envs.belief.renewal import is_refuted, part_siblings, renew, scatter_on_ring, spread_estimated, walk_estimated
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
@@ -143,6 +143,8 @@ def correct_row(particles, belief, measurements, listeners, stream, row, rule, s
     belief.corrections += 1
     offset, second_offset = uniform_pair(stream, RESAMPLE, row)
     draw_by_weight(particles, belief, offset, rule, scratch)
+    if rule.jitter > 0.0:
+        part_siblings(particles, belief, stream, row, rule, scratch)
     if particles.shape[0] > 4:
         walk_estimated(particles[4], stream, row, rule, scratch)
     if rule.recovery.fast_rate > 0.0:

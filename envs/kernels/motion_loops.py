@@ -74,6 +74,14 @@ def advance(x, y, heading, speed, time_step):
 
 
 @compiled
+def displace(x, y, normal_1, normal_2, along, shared, own):
+    """Add correlated normals: ``along`` times the first to x, ``shared`` times the first and ``own`` times the second to y."""
+    for i in range(x.shape[0]):
+        x[i] += along * normal_1[i]
+        y[i] += shared * normal_1[i] + own * normal_2[i]
+
+
+@compiled
 def choose_brownian(heading, speed, bits, max_speed):
     """A new speed in [0, max_speed] and a new direction at every step (Alg. 3, lines 2-3)."""
     for i in range(heading.shape[0]):

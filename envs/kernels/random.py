@@ -20,6 +20,9 @@ ROUNDS = 7
 START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMPLE = range(10)
 PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = range(10, 16)
 PURPOSES = 16
+# All sixteen are taken, and more of them would change the numbers of every row but the first. But RESAMPLE draws one number for
+# a row, under its own word and the row's index, so the words of its further rows are free.
+JITTER = RESAMPLE + PURPOSES
 
 # Several vehicles and tags: each pair, each row and each tag has a place of its own in the counters, whatever the others are, so
 # that one more of them changes no draw of theirs.
