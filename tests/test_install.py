@@ -64,7 +64,7 @@ def test_every_id_is_registered_with_both_entry_points(env_id: str) -> None:
     assert spec.entry_point == "tagtrack.envs.single:TagTrackEnv"
     assert spec.vector_entry_point == "tagtrack.envs.vector:TagTrackVectorEnv"
     assert spec.kwargs == {"env_id": env_id}
-    assert spec.max_episode_steps == 300
+    assert spec.max_episode_steps is None  # episodes end by themselves
 
 
 def test_importing_twice_registers_once(run_python: Callable[..., str]) -> None:
