@@ -15,7 +15,6 @@ import numba
 import numpy as np
 from numba import types
 from numba.core import cgutils
-from numba.core.errors import NumbaError
 from numba.extending import intrinsic
 
 from tagtrack.envs.kernels.compiling import FAST_MATHS, compiled, mark_foreign
@@ -108,8 +107,9 @@ class Native:
                 return numba.cfunc(self.signature.type, cache=True, **options)(self.function)
             except RuntimeError:  # no file to cache beside: a notebook, a string
                 return numba.cfunc(self.signature.type, **options)(self.function)
-        except NumbaError as error:
-            raise ValueError(f"{_name(self.function)} cannot be compiled as {self.signature!r}: {error}") from None
+        except Exception as error:  # numba's own, and a KeyError where a record has no such field
+            why = " ".join(str(error).split())
+            raise ValueError(f"{_name(self.function)} cannot be compiled as {self.signature!r}: {why}") from error
 
     def __call__(self, *arguments: Any) -> Any:
         if self._callable is None:
