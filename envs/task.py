@@ -120,7 +120,7 @@ def full_id(env_id: str) -> str:
     """An environment's id with its namespace.
 
     Raises:
-        ValueError: where neither we nor anybody else registered it, listing ours.
+        ValueError: where neither we nor anybody else registered it, listing ours; where it is of another kind of environment.
 
     >>> full_id("LeopardShark-v0")
     'TagTrack/LeopardShark-v0'
@@ -155,8 +155,14 @@ def _specification(env_id: str) -> Any:
     if specification is None:
         return None
     creator: Any = specification.entry_point
-    creator = load_env_creator(creator) if isinstance(creator, str) else creator
-    return specification if hasattr(creator, "default_id") else None
+    if isinstance(creator, str):
+        try:
+            creator = load_env_creator(creator)
+        except (ImportError, AttributeError) as error:
+            raise ValueError(f"{env_id} was registered as {specification.entry_point}, which cannot load ({error})") from None
+    if not hasattr(creator, "default_id"):
+        raise ValueError(f"{env_id} is no environment of TagTrack's; known: {', '.join(SCENARIOS)}, or one registered like them")
+    return specification
 
 
 def _registered_task(env_id: str) -> Task:
@@ -165,7 +171,11 @@ def _registered_task(env_id: str) -> Task:
     base = options.pop("env_id", None) or "TagTrack/LeopardShark-v0"
     if base == env_id:
         raise ValueError(f"{env_id} was registered with itself as env_id; name one of {', '.join(SCENARIOS)}, or give a scenario")
-    return build_task(base, **options)._replace(env_id=env_id)
+    task = build_task(base, **options)._replace(env_id=env_id)
+    limit = _specification(env_id).max_episode_steps
+    if limit is None or limit >= task.scenario.episode_steps:
+        return task
+    return task._replace(scenario=replace(task.scenario, episode_steps=limit))
 
 
 def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Path, time_scale: float | None) -> Task:

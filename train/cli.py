@@ -58,7 +58,7 @@ def begin(config: TrainConfig) -> int:
     if config.trust:
         raise ValueError("--trust goes with --resume: a new run loads no checkpoint")
     task, settings = check(config)
-    name = f"{full_id(config.env).split('/')[1]}-{config.algo}-seed{config.seed}"
+    name = f"{full_id(config.env).rpartition('/')[2]}-{config.algo}-seed{config.seed}"
     with RunFolder.create(config.out, name) as folder:
         return train(config, settings, task, folder, checkpoint=None)
 
