@@ -112,19 +112,24 @@ def _is_object(spec: str) -> bool:
 
 def _maker_of(found: Any, spec: str) -> Contestant:
     """A maker of a policy of a user's own: a class of heuristics, what makes a policy for a simulation, or a policy."""
-    if isinstance(found, type) and issubclass(found, InformedHeuristic):
-        return lambda simulation: found(simulation=simulation)
-    if isinstance(found, type) and issubclass(found, Heuristic):
-        return lambda simulation: found(scenario=simulation.scenario)
-    if isinstance(found, Localizer):
+    is_class = isinstance(found, type)
+    if not is_class and isinstance(found, Localizer):
         return found
-    if not isinstance(found, type) and hasattr(found, "predict"):
+    if not is_class and hasattr(found, "predict"):
         return _always(found)
     if not callable(found):
         raise ValueError(f"{spec} is no policy: it must be a class of heuristics, a function of a Simulation, or have predict")
 
     def make(simulation: Simulation) -> Policy:
-        policy = found(simulation)
+        try:
+            if is_class and issubclass(found, InformedHeuristic):
+                policy = found(simulation=simulation)
+            elif is_class and issubclass(found, Heuristic):
+                policy = found(scenario=simulation.scenario)
+            else:
+                policy = found(simulation)
+        except TypeError as error:
+            raise ValueError(f"{spec} cannot be made for a simulation: {error}") from error
         if not hasattr(policy, "predict"):
             raise ValueError(f"{spec} makes a {type(policy).__name__}, which has no predict")
         return policy
