@@ -9,11 +9,20 @@ import sysconfig
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import gymnasium
+import llvmlite
+import numba
+import numpy
 import pytest
+import safetensors
 
 import tagtrack
+from tagtrack.envs.layout import action_names, feature_names
+from tagtrack.envs.scenario import find_scenario
+from tagtrack.policies.files import save_policy
+from tagtrack.policies.network import NetworkPolicy, weight_shapes
 
 IDS = ("TagTrack/LeopardShark-v0", "TagTrack/LeopardSharkStandoff-v0")
 PACKAGES = ("tagtrack", "tagtrack.envs", "tagtrack.policies", "tagtrack.baselines", "tagtrack.train", "tagtrack.eval")
@@ -31,6 +40,67 @@ for _ in range(3):
     assert env.observation_space.contains(observation)
 env.close()
 """
+
+# What a vehicle at sea needs, and all that it has installed beside the standard library.
+ABOARD = (
+    "tagtrack.envs.belief.filter", "tagtrack.envs.layout", "tagtrack.envs.observation", "tagtrack.envs.simulation",
+    "tagtrack.policies.files", "tagtrack.policies.network", "tagtrack.baselines.registry",
+)  # fmt: skip
+INSTALLED_ABOARD = (numpy, numba, llvmlite, safetensors)
+
+# Loads the policy file of the first argument, hears one ping of one tag and chooses an action.
+SAIL = """
+import importlib, sys
+import tagtrack
+for name in sys.argv[2:]: importlib.import_module(name)
+import numpy as np
+from tagtrack.envs.belief.filter import ParticleFilter
+from tagtrack.envs.measurement import measurement
+from tagtrack.envs.scenario import find_scenario
+from tagtrack.policies.files import load_policy
+policy = load_policy(sys.argv[1])
+belief = ParticleFilter(find_scenario("LeopardShark-v0").belief)
+belief.begin(0.0, 0.0)
+before = belief.covariance[0].trace()
+belief.predict(2.0)
+belief.correct(measurement(time=2.0, x=0.0, y=0.0, heading=0.0, readings=[0.0, 70.0]))
+assert np.isfinite(belief.estimate).all() and belief.covariance[0].trace() != before
+action, _ = policy.predict(np.zeros(len(policy.observation_features), np.float32))
+assert action.shape == (len(policy.action_names),)
+assert not {"gymnasium", "scipy", "torch", "matplotlib", "pettingzoo"} & {name for name in sys.modules if sys.modules[name]}
+print("done")
+"""
+
+# Before that: whatever a vehicle lacks cannot be found, though it is installed here.
+REFUSE = """
+import sys
+class Refuse:
+    known = {*sys.stdlib_module_names, "tagtrack", "numpy", "numba", "llvmlite", "safetensors"}
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] not in self.known:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Refuse())
+"""
+
+
+@pytest.fixture(scope="module")
+def policy_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A saved policy that always goes straight on."""
+    scenario = find_scenario("LeopardShark-v0")
+    names, actions = feature_names(scenario), action_names(scenario)
+    shapes = weight_shapes(features=len(names), hidden=(), actions=len(actions), squash="clip")
+    policy = NetworkPolicy(
+        algorithm="ppo",
+        env_id="TagTrack/LeopardShark-v0",
+        observation_features=names,
+        action_names=actions,
+        hidden=(),
+        activation="tanh",
+        weights={name: numpy.zeros(shape, numpy.float32) for name, shape in shapes.items()},
+    )
+    folder = tmp_path_factory.mktemp("policy")
+    save_policy(folder, policy)
+    return folder
 
 
 def test_import_takes_less_than_half_a_second(run_python: Callable[..., str]) -> None:
@@ -51,6 +121,25 @@ def test_environments_and_heuristics_need_no_torch(run_python: Callable[..., str
     loaded = set(run_python(code).split())
     assert {"tagtrack.envs.single", "tagtrack.baselines.reading_tables"} <= loaded
     assert not loaded & {"torch", "stable_baselines3", "matplotlib", "pygame"}
+
+
+def test_filter_and_policy_run_where_only_numpy_numba_and_safetensors_are(
+    run_python: Callable[..., str], policy_folder: Path
+) -> None:
+    assert run_python(REFUSE + SAIL, str(policy_folder), *ABOARD).split()[-1] == "done"
+
+
+def test_what_a_vehicle_needs_loads_nothing_else_though_it_is_there(run_python: Callable[..., str]) -> None:
+    """The front door alone loads Gymnasium and PettingZoo, to tell them the ids; numba by itself loads scipy."""
+    code = (
+        "import importlib, sys, numba, tagtrack\n"
+        "door = set(sys.modules)\n"
+        "for name in sys.argv[1:]: importlib.import_module(name)\n"
+        "print(*set(sys.modules) - door)"
+    )
+    loaded = {name.partition(".")[0] for name in run_python(code, *ABOARD).split()}
+    assert "tagtrack" in loaded
+    assert not loaded & {"gymnasium", "pettingzoo", "scipy", "torch", "matplotlib", "stable_baselines3", "tyro", "rich"}
 
 
 def test_policies_and_heuristics_load_on_a_vehicle_without_scipy(run_python: Callable[..., str]) -> None:
@@ -126,6 +215,19 @@ def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
+def make_venv(home: Path, wheel: Path) -> tuple[Path, Path]:
+    """A new virtual environment that holds the wheel and nothing else: its interpreter and its folder of packages."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], check=True, timeout=300)
+    python = home / "bin" / "python"
+    code = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    done = subprocess.run([str(python), "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    packages = Path(done.stdout.strip())
+    command = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--ignore-installed"]
+    done = subprocess.run([*command, "--target", str(packages), str(wheel)], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return python, packages
+
+
 @pytest.fixture(scope="module")
 def bare_python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The interpreter of a new virtual environment that holds the wheel.
@@ -133,16 +235,27 @@ def bare_python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     The dependencies are lent by a .pth line. Python reads no .pth files in a folder lent like this, so the editable
     install of this repository does not come along.
     """
-    home = tmp_path_factory.mktemp("bare") / "venv"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], check=True, timeout=300)
-    python = home / "bin" / "python"
-    code = "import sysconfig; print(sysconfig.get_path('purelib'))"
-    done = subprocess.run([str(python), "-c", code], capture_output=True, text=True, check=True, timeout=300)
-    lent = dict.fromkeys((sysconfig.get_path("purelib"), sysconfig.get_path("platlib")))
-    (Path(done.stdout.strip()) / "lent.pth").write_text("\n".join(lent) + "\n")
-    command = [str(python), "-m", "pip", "install", "--no-deps", "--no-index", "--ignore-installed", str(wheel)]
-    done = subprocess.run(command, cwd=home, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    python, packages = make_venv(tmp_path_factory.mktemp("bare") / "venv", wheel)
+    paths = (sysconfig.get_path("purelib"), sysconfig.get_path("platlib"), *map(home_of, (gymnasium, numpy)))
+    lent = dict.fromkeys(str(path) for path in paths)
+    (packages / "lent.pth").write_text("\n".join(lent) + "\n")
+    return python
+
+
+def home_of(package: ModuleType) -> Path:
+    """The folder that a package is installed in, which need not be the interpreter's own."""
+    assert package.__file__ is not None
+    return Path(package.__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def vehicle_python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The interpreter of one that holds the wheel, numpy, numba and safetensors, by links, and no other package."""
+    python, packages = make_venv(tmp_path_factory.mktemp("vehicle") / "venv", wheel)
+    for package in INSTALLED_ABOARD:
+        for part in (package.__name__, f"{package.__name__}.libs"):  # compiled libraries that a wheel brings
+            if (home_of(package) / part).exists():
+                (packages / part).symlink_to(home_of(package) / part)
     return python
 
 
@@ -172,6 +285,14 @@ def test_wheel_in_a_bare_venv_serves_every_package(bare_python: Path, run_python
         assert Path(file).resolve().is_relative_to(bare_python.parents[1].resolve())
 
 
-@pytest.mark.slow  # the new venv starts without compiled kernels
+@pytest.mark.slow  # the new venv starts without compiled kernels, as the next
+def test_wheel_on_a_vehicle_loads_a_policy_and_runs_a_filter(
+    vehicle_python: Path, run_python: Callable[..., str], policy_folder: Path, tmp_path: Path
+) -> None:
+    done = run_python(SAIL, str(policy_folder), *ABOARD, cwd=tmp_path, executable=vehicle_python)
+    assert done.split()[-1] == "done"
+
+
+@pytest.mark.slow
 def test_wheel_in_a_bare_venv_runs_an_environment(bare_python: Path, run_python: Callable[..., str], tmp_path: Path) -> None:
     assert run_python(DRIVE + "print('done')", cwd=tmp_path, executable=bare_python).strip() == "done"
