@@ -20,7 +20,7 @@ except ModuleNotFoundError as error:
 
 __version__ = "0.1.0"
 
-# Id -> class. Episodes end by themselves, after the scenario's episode_steps or max_episode_steps of gymnasium.make.
+# Id -> class. Episodes end by themselves, after the scenario's episode_steps.
 _TASKS = {
     "TagTrack/LeopardShark-v0": "tagtrack.envs.single:TagTrackEnv",
     "TagTrack/LeopardSharkStandoff-v0": "tagtrack.envs.single:TagTrackEnv",

@@ -14,7 +14,6 @@ from tagtrack.envs.kernels.calling import (
     Native,
     Signature,
     bits,
-    native,
     nothing,
     number,
     numbers,
@@ -27,7 +26,7 @@ from tagtrack.envs.kernels.calling import (
     word,
 )
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.motion_loops import advance, scatter_velocities
+from tagtrack.envs.kernels.motion_loops import advance
 from tagtrack.envs.kernels.random import fill_bits
 from tagtrack.envs.model import Model
 
@@ -83,12 +82,6 @@ FOLLOW = Signature(
 
 # Callables of addresses, for compiled code.
 start_at, choose_at, begin_at, follow_at = START.at, CHOOSE.at, BEGIN.at, FOLLOW.at
-
-
-@native(START)
-def start_at_any_speed(heading, speed, bits, parameters):
-    """All swim: headings and speeds uniform, up to the speed that is the first of the parameters."""
-    scatter_velocities(heading, speed, bits, f32(parameters[0]), f32(1.0))
 
 
 class Motion(Model):
