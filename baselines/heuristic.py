@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tagtrack.envs.frame import Frame
 from tagtrack.envs.layout import feature_names
 from tagtrack.envs.observation import SILENCE_SCALE
 from tagtrack.envs.scenario import Scenario
@@ -80,7 +81,7 @@ class Heuristic(abc.ABC):
         sighting = self._read(np.atleast_2d(np.asarray(observation)))
         memory = self._recall(sighting, state, episode_start)
         course, speed, memory = self.choose(sighting, memory)
-        if self.scenario.steers_by_heading:
+        if self.scenario.frame == Frame.HEADING:
             course = course + sighting.bearing
         components = [np.cos(course), np.sin(course)]
         if self.scenario.speed_control:

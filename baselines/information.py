@@ -107,7 +107,7 @@ class Information(InformedHeuristic):
         chosen = np.arange(min(self.sample, count)) * count // min(self.sample, count)
         x, y = (particles[rows[:, None], 0, 0, axis, chosen[None, :]] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
-        depth = self.simulation.worlds.listeners["depth"][rows, 0, 0]
+        depth = self.simulation.listeners["depth"][rows, 0, 0]
         # The tables are of the number assumed, the belief may know better.
         offset = self.scenario.belief.receiver.assumed - self.simulation.worlds.beliefs["estimated"][rows, 0, 0]
         information = np.zeros(poses.x.shape[:2], np.float32)

@@ -67,7 +67,7 @@ class Legend:
     def _write_numbers(self, panel: Any, readings: list[str]) -> None:
         """Of a fleet the mean error, the nearest fish and the latest detection."""
         simulation, world = self._simulation, self._world
-        silence = simulation.worlds.listeners["silence"][world]
+        silence = simulation.listeners["silence"][world]
         seconds = int(simulation.worlds.clock["step"][world] * simulation.scenario.time_step)
         numbers = {
             "time": f"{seconds // 60:02d}:{seconds % 60:02d}",

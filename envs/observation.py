@@ -9,14 +9,16 @@ import math
 
 import numpy as np
 
+from tagtrack.envs.frame import Frame
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.summary_loops import share_to_port
 from tagtrack.envs.sensors.sensor import observe_at
 
 SILENCE_SCALE = 2.0
-SHARED_FEATURES = 16  # of a tag, beside the sensor's own
-OWN_COUNT = 3  # features of the vehicle itself
+SHARED_FEATURES = 16  # of a tag, beside the sensor's own and what is seen of teammates
+FARTHEST = 4.0  # the largest logarithm of a distance
+HEADING, CHOSEN = int(Frame.HEADING), int(Frame.CHOSEN)
 
 # What the observation remembers of one vehicle and one tag: averages of the estimate's bearing relative to the heading, and the
 # share of particles to port.
@@ -24,22 +26,29 @@ OUTLOOK = np.dtype([(name, np.float64) for name in ("cos_lately", "sin_lately", 
 
 
 @compiled
-def decode_action(action, navigation, belief, max_speed, speed_control, by_heading):
-    """Course [rad] and speed [m/s] of an action.
+def decode_action(action, navigation, beliefs, max_speed, speed_control, frame):
+    """Course [rad] and speed [m/s] of an action, given what is believed of each tag (T,).
 
     (ahead, port) points relative to the line from the vehicle to the estimate: (1, 0) is pursuit, (0, 1) keeps the fish abeam to
-    starboard; or, ``by_heading``, relative to the vehicle's own heading. The zero vector means straight on, too. The third
-    component, where there is one, runs from rest (-1) to full speed (1).
+    starboard; or relative to the vehicle's own heading. The zero vector means straight on, too. A further component runs from
+    rest (-1) to full speed (1); where a tag is chosen, one component for each follows, of which the largest counts.
     """
     ahead = min(max(np.float64(action[0]), -1.0), 1.0)
     port = min(max(np.float64(action[1]), -1.0), 1.0)
-    line = navigation.heading
-    if not by_heading:
-        line = math.atan2(belief.estimate_y - navigation.y, belief.estimate_x - navigation.x)
-    course = wrap_angle(line + (math.atan2(port, ahead) if ahead != 0.0 or port != 0.0 else 0.0))
+    next_one = 2
     speed = max_speed
     if speed_control:
         speed *= 0.5 * (1.0 + min(max(np.float64(action[2]), -1.0), 1.0))
+        next_one = 3
+    tag = 0
+    if frame == CHOSEN:
+        for t in range(1, beliefs.shape[0]):
+            if action[next_one + t] > action[next_one + tag]:
+                tag = t
+    line = navigation.heading
+    if frame != HEADING:
+        line = math.atan2(beliefs[tag].estimate_y - navigation.y, beliefs[tag].estimate_x - navigation.x)
+    course = wrap_angle(line + (math.atan2(port, ahead) if ahead != 0.0 or port != 0.0 else 0.0))
     return course, speed
 
 
@@ -110,8 +119,53 @@ def observe_tag(out, belief, listener, outlook, navigation, phase, rule, scale):
 
 
 @compiled
-def observe_own(out, navigation, max_speed):
-    """Write the features of the vehicle itself, in the order of ``OWN_FEATURES``."""
+def observe_teammates(out, belief, navigation, mates, v, scale):
+    """How near the nearest known teammate is to a tag."""
+    nearest = np.inf
+    for other in range(mates.shape[0]):
+        if other != v and mates[other].known:
+            dx, dy = belief.estimate_x - mates[other].x, belief.estimate_y - mates[other].y
+            nearest = min(nearest, math.sqrt(dx * dx + dy * dy))
+    out[0] = min(max(math.log((nearest + 1.0) / scale.near), -4.0), FARTHEST) if nearest < np.inf else FARTHEST
+
+
+@compiled
+def observe_mate(out, mate, navigation, time, max_speed, scale):
+    """Write the features of one teammate, in the order of ``mate_features``."""
+    out[:] = 0.0
+    if not mate.known:
+        return
+    dx, dy = mate.x - navigation.x, mate.y - navigation.y
+    distance = math.sqrt(dx * dx + dy * dy)
+    bearing, turned = math.atan2(dy, dx) - navigation.heading, mate.heading - navigation.heading
+    out[0] = 1.0
+    out[1] = min(math.log(1.0 + max(time - mate.time, 0.0)) / SILENCE_SCALE, 5.0)
+    out[2] = min(distance / scale.length, 10.0)
+    out[3] = min(max(math.log((distance + 1.0) / scale.near), -4.0), FARTHEST)
+    out[4] = math.cos(bearing)
+    out[5] = math.sin(bearing)
+    out[6] = math.cos(turned)
+    out[7] = math.sin(turned)
+    out[8] = min(max(mate.speed / max_speed, 0.0), 1.0)
+
+
+@compiled
+def observe_own(out, navigation, radio, v, time, p):
+    """Write the features of the vehicle itself, in the order of ``own_features``."""
     out[0] = math.cos(navigation.heading)
     out[1] = math.sin(navigation.heading)
-    out[2] = min(max(navigation.speed / max_speed, 0.0), 1.0)
+    out[2] = min(max(navigation.speed / p.vehicle.max_speed, 0.0), 1.0)
+    k = 3
+    if p.layout.battery:
+        out[k] = navigation.battery
+        k += 1
+    if p.layout.radio:
+        turns = (time / p.modem.slot - v) / p.modem.slots
+        out[k] = math.ceil(turns - 1e-9) - turns
+        out[k + 1] = radio.waiting / p.modem.letters
+        k += 2
+    if p.layout.arena:
+        bearing = math.atan2(-navigation.y, -navigation.x) - navigation.heading
+        out[k] = min(math.hypot(navigation.x, navigation.y) / p.vehicle.arena, 2.0)
+        out[k + 1] = math.cos(bearing)
+        out[k + 2] = math.sin(bearing)

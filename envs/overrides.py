@@ -16,6 +16,7 @@ from tagtrack.envs.motions import PATHS, WALKS, Motion, Path
 from tagtrack.envs.rewards import Term
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors import SENSORS, Sensor
+from tagtrack.envs.sim.modem import MODEMS, Modem
 
 
 def parameter_names(parameters: Any, prefix: str = "") -> list[str]:
@@ -119,6 +120,7 @@ FOUND_BY_NAME: Mapping[str, tuple[Mapping[str, Any], tuple[type, ...]]] = {
     "fish": ({**WALKS, **PATHS}, (Motion, Path)),
     "motion": (WALKS, (Motion,)),
     "receiver": (SENSORS, (Sensor,)),
+    "modem": (MODEMS, (Modem,)),
 }
 
 

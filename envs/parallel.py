@@ -21,8 +21,6 @@ from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-MOST_AGENTS = 20  # vehicles, or tags
-
 
 class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """Several AUVs track one or several tagged fish of one of the suite's tasks.
@@ -52,7 +50,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     Args:
         env_id: of ours, or one that somebody registered; or a ``Task``.
         vehicles, tags: how many of each, 1 to 20; those of the scenario if None.
-        shared_belief: one belief for all vehicles, from all that they hear, or one each; the scenario's if None (shared).
+        modem: what the vehicles may tell one another (``"perfect"``, ``"none"``, ``"tdma"``); the scenario's if None (perfect).
         formation: how the vehicles lie at the start, ``"ring"`` or ``"line"``; ``overrides={"start.separation": 20}`` sets how
             far neighbours lie apart [m].
         max_cycles: steps of an episode; the scenario's ``episode_steps`` if None.
@@ -68,15 +66,12 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self,
         env_id: str | Task = "TagTrack/LeopardShark-v0",
         *,
-        vehicles: int | None = None,
-        tags: int | None = None,
-        shared_belief: bool | None = None,
         formation: str | None = None,
         max_cycles: int | None = None,
         render_mode: str | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
-        task = _with_fleet(build_task(env_id, **options), vehicles, tags, shared_belief, formation)
+        task = _in_formation(build_task(env_id, **options), formation)
         self.metadata = {
             "name": f"{task.env_id.rpartition('/')[2].lower().replace('-', '_')}",
             "render_modes": ["rgb_array", "human"],
@@ -179,26 +174,13 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.simulation.close()
 
 
-def _with_fleet(
-    task: Task, vehicles: int | None, tags: int | None, shared_belief: bool | None, formation: str | None
-) -> Task:
-    scenario = task.scenario
-    for name, value in (("vehicles", vehicles), ("tags", tags)):
-        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if value is not None and not (whole and 1 <= value <= MOST_AGENTS):
-            raise ValueError(f"{name} must be a whole number from 1 to {MOST_AGENTS}, got {value!r}")
-    if formation is not None:
-        if formation.upper() not in Formation.__members__:
-            raise ValueError(f"formation must be one of {', '.join(Formation.__members__).lower()}, got {formation!r}")
-        scenario = replace(scenario, start=replace(scenario.start, formation=Formation[formation.upper()]))
-    return task._replace(
-        scenario=replace(
-            scenario,
-            vehicles=scenario.vehicles if vehicles is None else int(vehicles),
-            targets=scenario.targets if tags is None else int(tags),
-            shared_belief=scenario.shared_belief if shared_belief is None else bool(shared_belief),
-        )
-    )
+def _in_formation(task: Task, formation: str | None) -> Task:
+    if formation is None:
+        return task
+    if formation.upper() not in Formation.__members__:
+        raise ValueError(f"formation must be one of {', '.join(Formation.__members__).lower()}, got {formation!r}")
+    start = replace(task.scenario.start, formation=Formation[formation.upper()])
+    return task._replace(scenario=replace(task.scenario, start=start))
 
 
 parallel_env = TagTrackParallelEnv

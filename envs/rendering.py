@@ -167,7 +167,7 @@ class Picture:
         """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, and a ring at its range."""
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
         for (v, t), (place, compass, glimpse) in self._readings.items():
-            fresh = math.exp(-self._simulation.worlds.listeners["silence"][self._world, v, t] / 30.0)  # it fades
+            fresh = math.exp(-self._simulation.listeners["silence"][self._world, v, t] / 30.0)  # it fades
             if glimpse.fan is not None:
                 self._paint_fan(layer, (*VEHICLE, 20 + 60 * fresh), place, compass, glimpse.fan)
             if math.isfinite(glimpse.radius):

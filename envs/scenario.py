@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.recovery import Recovery
 from tagtrack.envs.feature import Scale
+from tagtrack.envs.frame import Frame
 from tagtrack.envs.kernels.random import MOST
 from tagtrack.envs.motions import MomentumRandomWalk, Motion, Path
 from tagtrack.envs.rewards import Reward
@@ -24,17 +25,10 @@ from tagtrack.envs.sensors import (
 )
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import Water
+from tagtrack.envs.sim.modem import Modem, PerfectModem, modem_rule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
 from tagtrack.envs.validation import require, settle_numbers
-
-
-class Frame(enum.IntEnum):
-    """What the course of an action is relative to."""
-
-    AUTO = 0  # the line where there is one tag, the heading where there are several
-    LINE = 1  # from the vehicle to the estimate of the first tag
-    HEADING = 2  # the vehicle's own, by its compass
 
 
 class Formation(enum.IntEnum):
@@ -86,7 +80,8 @@ class Scenario:
     episode_steps: int = 300  # 10 minutes, as missions stationaryTrackB and C (Table IV)
     vehicles: int = 1
     targets: int = 1  # fish, one tag each
-    shared_belief: bool = True  # one belief for all vehicles, or one each
+    modem: Modem = field(default_factory=PerfectModem)  # what vehicles may tell one another; decides who has which beliefs
+    message_control: bool = False  # whether the action says if the vehicle uses its next slot to send
     speed_control: bool = False  # whether the action sets the speed, too
     steer_by: Frame = Frame.AUTO  # what the course of an action is relative to
     vehicle: Vehicle = field(default_factory=Vehicle)
@@ -119,6 +114,15 @@ class Scenario:
         if not isinstance(self.fish, (Motion, Path)):
             raise ValueError(f"Scenario.fish must be a Motion or a Path, got {self.fish!r}")
         self._check_receiver()
+        self._check_modem()
+
+    def _check_modem(self) -> None:
+        if not isinstance(self.modem, Modem):
+            raise ValueError(f"Scenario.modem must be a Modem, got {self.modem!r}")
+        modem_rule(self.modem, self.vehicles, len(self.belief.receiver.weighed), self.time_step)
+        for name, asked in (("message_control", self.message_control), ("reward.message", self.reward.message > 0)):
+            if asked and not self.modem.talks:
+                raise ValueError(f"Scenario.{name} is about messages, and a {type(self.modem).__name__} sends none")
 
     def _check_receiver(self) -> None:
         own, assumed = self.receiver, self.belief.receiver
@@ -138,12 +142,14 @@ class Scenario:
     @property
     def owners(self) -> int:
         """Number of beliefs: one, or one for each vehicle."""
-        return 1 if self.shared_belief else self.vehicles
+        return 1 if self.modem.shares else self.vehicles
 
     @property
-    def steers_by_heading(self) -> bool:
-        """Whether courses are relative to the heading, not to the line."""
-        return self.steer_by == Frame.HEADING or (self.steer_by == Frame.AUTO and self.targets > 1)
+    def frame(self) -> Frame:
+        """What courses are relative to: ``steer_by``, with ``AUTO`` decided."""
+        if self.steer_by != Frame.AUTO:
+            return self.steer_by
+        return Frame.HEADING if self.targets > 1 else Frame.LINE
 
 
 # Bearing and one-way range (Lin et al. 2013): a tag that was calibrated four hours ago, up to 85 m away at first, as far as the

@@ -8,25 +8,22 @@ from typing import Any
 import numba
 import numpy as np
 
-from tagtrack.envs.belief.row import BELIEF, make_scratch
+from tagtrack.envs.belief.row import make_scratch
 from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.feature import Feature
 from tagtrack.envs.kernels.action_loops import find_broken_action
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.layout import action_names, features
-from tagtrack.envs.measurement import LISTENER, MEASUREMENT, NAVIGATION, Status
+from tagtrack.envs.measurement import Status
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import NO_TRACKS, TrackTable, make_table
 from tagtrack.envs.motions.tracks import Track
-from tagtrack.envs.observation import OUTLOOK
 from tagtrack.envs.rewards.term import OUTCOME
 from tagtrack.envs.scenario import Scenario
-from tagtrack.envs.sensors.sensor import ENCOUNTER
-from tagtrack.envs.sim.tags import TARGET
-from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.workers import Workers
-from tagtrack.envs.world import WORLD, Outputs, Worlds, reset_worlds, step_worlds
+from tagtrack.envs.world import reset_worlds, step_worlds
 from tagtrack.envs.world_rule import world_rule
+from tagtrack.envs.world_state import Outputs, make_worlds
 
 LARGEST_SEED = 2**63 - 1
 
@@ -54,24 +51,13 @@ class Simulation:
         self.threads = min(int(threads), self.num_worlds)
         self.features: tuple[Feature, ...] = features(scenario)
         self.action_names = action_names(scenario)
-        self._parameters = to_record(world_rule(scenario))
+        rule = world_rule(scenario)
+        self._parameters = to_record(rule)
         self._tracks = _track_table(scenario, tracks)
         self._places = np.array(scenario.start.places(scenario.vehicles))
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
         particles = scenario.belief.particles
-        self.worlds = Worlds(
-            clock=np.zeros(b, WORLD),
-            vehicles=np.zeros((b, v), VEHICLE),
-            targets=np.zeros((b, t), TARGET),
-            fish=np.zeros((b, t, 4, 1), np.float32),
-            encounters=np.zeros((b, v, t), ENCOUNTER),
-            navigation=np.zeros((b, v), NAVIGATION),
-            measurements=np.zeros((b, v, t), MEASUREMENT),
-            beliefs=np.zeros((b, o, t), BELIEF),
-            particles=np.zeros((b, o, t, scenario.belief.rows, particles), np.float32),
-            listeners=np.zeros((b, v, t), LISTENER),
-            outlooks=np.zeros((b, v, t), OUTLOOK),
-        )
+        self.worlds = make_worlds(b, v, t, o, scenario.belief.rows, particles, rule.modem)
         self.outputs = Outputs(
             observation=np.zeros((b, v, len(self.features)), np.float32),
             terms=np.zeros((b, v, len(scenario.reward.names))),
@@ -168,6 +154,15 @@ class Simulation:
     def detected(self) -> np.ndarray:
         """(B, V, T) whether a usable signal came in at the last step."""
         return self.worlds.measurements["status"] == int(Status.HEARD)
+
+    @property
+    def listeners(self) -> np.ndarray:
+        """(B, V, T) of ``LISTENER``: what each vehicle remembers of its own listening."""
+        kept = self.worlds.listeners  # (B, O, T, V)
+        if self.scenario.owners == 1:
+            return kept[:, 0].swapaxes(1, 2)
+        each = np.arange(self.scenario.vehicles)
+        return kept[:, each, :, each].swapaxes(0, 1)
 
     @property
     def mean(self) -> np.ndarray:

@@ -18,9 +18,12 @@ from tagtrack.envs.motions.tracks import Track, read_tracks
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.presets import find_preset
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sim.modem import Modem
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
+
+MOST_AGENTS = 20  # vehicles, or tags, of a task
 
 
 class TaskOptions(TypedDict, total=False):
@@ -38,6 +41,12 @@ class TaskOptions(TypedDict, total=False):
     """Dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``)."""
     scenario: Scenario | None
     """A whole scenario of one's own, which the other options then change."""
+    vehicles: int | None
+    """How many vehicles, 1 to 20."""
+    tags: int | None
+    """How many tagged fish, 1 to 20."""
+    modem: str | Modem | None
+    """What the vehicles may tell one another: ``"perfect"``, ``"none"`` or ``"tdma"`` (``sim.modem``)."""
 
 
 class Task(NamedTuple):
@@ -106,7 +115,7 @@ def _change(base: Task, options: TaskOptions, tracks: str | Path | None) -> Task
     overrides, time_scale = options.get("overrides"), options.get("time_scale")
     if overrides is not None and not isinstance(overrides, Mapping):
         raise ValueError(f'overrides must map dotted names to values, as {{"tag.period": 5.0}}, got {overrides!r}')
-    changes = dict(overrides or {})
+    changes = {**_fleet_changes(options), **(overrides or {})}
     if options.get("particles") is not None:
         changes["belief.particles"] = options["particles"]
     if tracks is not None:
@@ -114,6 +123,21 @@ def _change(base: Task, options: TaskOptions, tracks: str | Path | None) -> Task
     if time_scale is not None:
         raise ValueError(f"time_scale={time_scale!r} slows a recorded track, but none is given; add tracks=FILE")
     return base._replace(scenario=with_overrides(base.scenario, changes))
+
+
+def _fleet_changes(options: TaskOptions) -> dict[str, Any]:
+    """What options say of a fleet, as overrides."""
+    changes: dict[str, Any] = {}
+    for name, own in (("vehicles", "vehicles"), ("tags", "targets")):
+        value = options.get(name)
+        if value is not None:
+            whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+            if not (whole and 1 <= value <= MOST_AGENTS):  # type: ignore[operator]
+                raise ValueError(f"{name} must be a whole number from 1 to {MOST_AGENTS}, got {value!r}")
+            changes[own] = int(value)  # type: ignore[call-overload]
+    if options.get("modem") is not None:
+        changes["modem"] = options["modem"]
+    return changes
 
 
 def full_id(env_id: str) -> str:

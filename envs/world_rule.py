@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from tagtrack.envs.belief.assumptions import FilterRule, filter_rule
 from tagtrack.envs.feature import Scale
 from tagtrack.envs.kernels.calling import ROW, address_of
+from tagtrack.envs.layout import LayoutRule, layout_rule
 from tagtrack.envs.motions import Motion, Path
 from tagtrack.envs.rewards import MOST_TERMS
 from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import Water
+from tagtrack.envs.sim.modem import ModemRule, modem_rule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
 
@@ -34,8 +36,13 @@ class WorldRule:
 
     time_step: float
     episode_steps: int
+    frame: int  # of courses, a ``Frame``
     speed_control: bool
-    by_heading: bool
+    message_control: bool
+    layout: LayoutRule
+    modem: ModemRule
+    shared_reward: bool
+    least_separation: float  # [m]
     calls: WorldCalls
     vehicle: Vehicle
     fish: tuple[float, ...]  # parameters of the motion or path
@@ -62,7 +69,12 @@ def world_rule(scenario: Scenario) -> WorldRule:
         time_step=scenario.time_step,
         episode_steps=scenario.episode_steps,
         speed_control=scenario.speed_control,
-        by_heading=scenario.steers_by_heading,
+        frame=int(scenario.frame),
+        message_control=scenario.message_control,
+        layout=layout_rule(scenario),
+        modem=modem_rule(scenario.modem, scenario.vehicles, len(scenario.belief.receiver.weighed), scenario.time_step),
+        shared_reward=scenario.reward.shared,
+        least_separation=scenario.reward.least_separation,
         calls=WorldCalls(
             start=fish.start.address if isinstance(fish, Motion) else 0,
             choose=fish.choose.address if isinstance(fish, Motion) else 0,

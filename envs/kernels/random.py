@@ -21,8 +21,10 @@ START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMP
 PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = range(10, 16)
 PURPOSES = 16
 # All sixteen are taken, and more of them would change the numbers of every row but the first. But RESAMPLE draws one number for
-# a row, under its own word and the row's index, so the words of its further rows are free.
+# a row, under its own word and the row's index, so the words of its further rows are free; as are those of HEARING, READING and
+# WATER, which draw for pairs.
 JITTER = RESAMPLE + PURPOSES
+MODEM, MODEM_POSE, OVERLAP = HEARING + PURPOSES, READING + PURPOSES, WATER + PURPOSES
 
 # Several vehicles and tags: each pair, each row and each tag has a place of its own in the counters, whatever the others are, so
 # that one more of them changes no draw of theirs.

@@ -12,16 +12,18 @@ from tagtrack.envs.validation import require, settle_numbers
 
 @native(JUDGE)
 def judge(outcome, parameters):
-    weight, error_cap = parameters[0], parameters[1]
-    return -weight * min(outcome.error, error_cap) / error_cap
+    weight, error_cap, worst = parameters[0], parameters[1], parameters[2]
+    error = outcome.worst_error if worst != 0.0 else outcome.error
+    return -weight * min(error, error_cap) / error_cap
 
 
 @dataclass(frozen=True, kw_only=True)
 class Localization(Term):
-    """Minus the localization error, mean over the tags, as a share of ``error_cap``."""
+    """Minus the localization error, mean over the tags or the worst one's, as a share of ``error_cap``."""
 
     weight: float = 1.0
     error_cap: float = 100.0  # errors beyond count as this one, lest lost episodes drown the rest [m]
+    worst: bool = False  # of several tags' errors, instead of their mean
     name: ClassVar[str] = "localization"
     judge: ClassVar[Native] = judge
 

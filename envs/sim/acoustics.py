@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.random import HEARING, READING, START, WATER, normal_pair, place_of, uniform_pair
+from tagtrack.envs.kernels.random import HEARING, MOST, OVERLAP, READING, START, WATER, normal_pair, place_of, uniform_pair
 from tagtrack.envs.measurement import READINGS, Status
 from tagtrack.envs.sensors.sensor import DRAWS, chance_at, read_at
 from tagtrack.envs.validation import require, settle_numbers
+
+SOUND_SPEED = 1500.0  # by which transmissions of several tags overlap at a receiver [m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,13 +102,45 @@ def hear(encounter, stream, index, p):
 
 
 @compiled
-def listen(encounter, vehicle, navigation, target, fish_x, fish_y, pinged, measurement, v, t, stream, p, time):
+def is_destroyed(vehicle, targets, fish, v, t, stream, p):
+    """Whether another tag's transmission, loud enough to be heard there, overlaps at a vehicle with the last one of tag ``t``.
+
+    The water, and where the fish are, count as they are now; a ping to come is known already, for each wait is drawn at the one
+    before.
+    """
+    came = targets[t].last_ping + slant_range(vehicle, targets[t], fish[t]) / SOUND_SPEED
+    for other in range(targets.shape[0]):
+        if other != t:
+            distance = slant_range(vehicle, targets[other], fish[other])
+            travel = distance / SOUND_SPEED
+            before = abs(targets[other].last_ping + travel - came) < p.tag.burst and targets[other].last_ping >= 0.0
+            if before or abs(targets[other].next_ping + travel - came) < p.tag.burst:
+                chance, _ = uniform_pair(stream, OVERLAP, MOST * MOST * (1 + other) + place_of(v, t))
+                loud = hearing_chance(distance, False, p.water)
+                if p.calls.chance != 0:
+                    drawn = targets[other].drawn
+                    loud *= chance_at(p.calls.chance)(distance, drawn[0], drawn[1], p.sensor[:])
+                if chance < loud:
+                    return True
+    return False
+
+
+@compiled
+def slant_range(vehicle, target, fish):
+    """From a vehicle to a fish [m]."""
+    dx, dy = np.float64(fish[0, 0]) - vehicle.x, np.float64(fish[1, 0]) - vehicle.y
+    return math.sqrt(dx * dx + dy * dy + target.depth * target.depth)
+
+
+@compiled
+def listen(encounter, vehicle, navigation, target, fish_x, fish_y, destroyed, measurement, v, t, stream, p, time):
     """Advance the water to ``time``; hear a ping of the step before it or not; read what the sensor gives."""
+    pinged = target.pinged
     index = place_of(v, t)
     change_water(encounter, stream, index, p.water, p.time_step)
     meet(encounter, vehicle, target, fish_x, fish_y, p.tag.period)
     encounter.pinged = pinged
-    encounter.heard = pinged and hear(encounter, stream, index, p)
+    encounter.heard = pinged and not destroyed and hear(encounter, stream, index, p)
     measurement.time = time
     measurement.vehicle = v
     measurement.tag = t

@@ -35,6 +35,11 @@ class Vehicle:
     random_current: float = 0.0  # largest speed of a further current, drawn with its direction for each episode [m/s]
     speed_sigma: float = 0.0  # of the speed made good about the one through the water, at each control interval [m/s]
     heading_sigma: float = 0.0  # of the heading about the one steered, at each control interval [rad]
+    battery: float = 0.0  # energy at the start [Wh], some 600 in an Iver2; 0: without end
+    battery_spread: float = 0.0  # by which share of it, at most, vehicles and episodes have more or less
+    hotel_power: float = 20.0  # drawn by all but the propeller [W]
+    drive_power: float = 40.0  # drawn by the propeller at max_speed [W]; it goes with the cube of the speed
+    arena: float = 0.0  # radius about the origin beyond which the vehicle turns back of itself, as it believes [m]; 0: none
 
     def __post_init__(self) -> None:
         settle_numbers(self)
@@ -42,8 +47,9 @@ class Vehicle:
             require(getattr(self, name) > 0, self, name, "positive")
         for name in ("compass_sigma", "compass_bias", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
-        for name in ("random_current", "speed_sigma", "heading_sigma"):
+        for name in ("random_current", "speed_sigma", "heading_sigma", "battery", "hotel_power", "drive_power", "arena"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
+        require(0 <= self.battery_spread < 1, self, "battery_spread", "at least 0 and below 1")
         require(
             self.heading_gain * self.control_interval < 2,
             self,
@@ -53,13 +59,17 @@ class Vehicle:
 
 
 # The truth about one vehicle: place [m], heading [rad], speed through the water [m/s], the course it is told to hold, the time
-# since its last fix [s], the episode's random current [m/s] and the bias of its compass [rad].
+# since its last fix [s], the episode's random current [m/s] and the bias of its compass [rad]; the energy that is left and that
+# it began with [J]; whether it had left before this step, whether it is too near another one, and how often it came to be.
 VEHICLE = np.dtype(
     [
         (name, np.float64)
-        for name in ("x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias")
+        for name in (
+            "x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias", "energy", "charge",
+        )
     ]
-)
+    + [("gone", np.bool_), ("close", np.bool_), ("encroachments", np.int64)]
+)  # fmt: skip
 
 
 @compiled
@@ -85,6 +95,54 @@ def launch(vehicle, navigation, x, y, stream, index, parameters):
     speed *= parameters.random_current
     vehicle.current_x = speed * math.cos(2.0 * math.pi * direction)
     vehicle.current_y = speed * math.sin(2.0 * math.pi * direction)
+    more, _ = uniform_pair(stream, START, 16 * index + 10)
+    vehicle.charge = 3600.0 * parameters.battery * (1.0 + parameters.battery_spread * (2.0 * more - 1.0))
+    vehicle.energy = vehicle.charge
+    vehicle.gone = False
+    vehicle.close = False
+    vehicle.encroachments = 0
+    navigation.battery = 1.0
+    navigation.active = True
+
+
+@compiled
+def turn_back(navigation, course, speed, parameters):
+    """Course and speed to hold: those asked for, or, where the vehicle believes to have left its arena, back to the origin."""
+    if parameters.arena > 0.0 and math.hypot(navigation.x, navigation.y) > parameters.arena:
+        return math.atan2(-navigation.y, -navigation.x), parameters.max_speed
+    return course, speed
+
+
+@compiled
+def draw_power(vehicle, navigation, parameters, time_step):
+    """Use up the battery; without any the vehicle's part ends."""
+    if parameters.battery > 0.0:
+        share = vehicle.speed / parameters.max_speed
+        vehicle.energy -= (parameters.hotel_power + parameters.drive_power * share * share * share) * time_step
+        navigation.battery = max(vehicle.energy, 0.0) / vehicle.charge
+        navigation.active = vehicle.energy > 0.0
+
+
+@compiled
+def watch_separation(vehicles, navigation, least):
+    """Count how often vehicles that take part come nearer one another than ``least`` [m]."""
+    for v in range(vehicles.shape[0]):
+        was_close = vehicles[v].close
+        vehicles[v].close = navigation[v].active and separation_of(vehicles, navigation, v) < least
+        if vehicles[v].close and not was_close:
+            vehicles[v].encroachments += 1
+
+
+@compiled
+def separation_of(vehicles, navigation, v):
+    """Distance from a vehicle to the nearest other one that takes part [m]; infinite where there is none."""
+    least = np.inf
+    for other in range(vehicles.shape[0]):
+        if other != v and navigation[other].active:
+            dx = vehicles[v].x - vehicles[other].x
+            dy = vehicles[v].y - vehicles[other].y
+            least = min(least, math.sqrt(dx * dx + dy * dy))
+    return least
 
 
 @compiled

@@ -40,7 +40,7 @@ def listen_often(encounter, vehicle, navigation, target, fish_x, fish_y, measure
     for i in range(heard.shape[0]):
         stream = (np.uint64(seed), np.uint64(0), np.uint64(0), np.uint64(i))
         listen(
-            encounter, vehicle, navigation, target, fish_x, fish_y, True, measurement, 0, 0, stream, parameters[0], i + 1.0
+            encounter, vehicle, navigation, target, fish_x, fish_y, False, measurement, 0, 0, stream, parameters[0], i + 1.0
         )  # fmt: skip
         heard[i] = measurement.status == Status.HEARD
         readings[:, i] = measurement.readings[:2]
@@ -56,6 +56,7 @@ def readings(bearing=0.0, distance=40.0, count=40_000, water=ALWAYS, receiver=No
     rows = (np.zeros(1, dtype)[0] for dtype in (ENCOUNTER, NAVIGATION, TARGET, MEASUREMENT))
     encounter, navigation, target, measurement = rows
     heard, read = np.zeros(count, bool), np.zeros((2, count))
+    target["pinged"] = True
     parameters = to_record(world_rule(scenario))
     listen_often(
         encounter, vehicle[0], navigation, target, fish_x, fish_y, measurement, parameters, seed, heard, read

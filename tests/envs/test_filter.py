@@ -19,6 +19,7 @@ from tagtrack.envs.kernels.random import place_of
 from tagtrack.envs.measurement import LISTENER, MEASUREMENT, Status, measurement
 from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sim.modem import NoModem, PerfectModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
 
@@ -75,7 +76,7 @@ def test_filter_fed_with_a_worlds_measurements_is_its_belief(name: str, threads:
 @pytest.mark.parametrize("shared", [True, False])
 def test_filter_of_a_fleet_is_its_belief_too(shared: bool) -> None:
     """A row for each owner and tag, with the place of that pair; a vehicle's own belief hears of that vehicle alone."""
-    scenario = small(RANGE_ONLY, vehicles=3, targets=2, shared_belief=shared)
+    scenario = small(RANGE_ONLY, vehicles=3, targets=2, modem=PerfectModem() if shared else NoModem())
     owners, tags = scenario.owners, 2
     simulation = Simulation(scenario)
     simulation.reset(seed=5)

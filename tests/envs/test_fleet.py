@@ -6,6 +6,7 @@ import pytest
 from tagtrack.envs.layout import OWN_FEATURES, features, tag_features
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.sim.modem import Modem, NoModem, PerfectModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import observation_space
 
@@ -16,8 +17,8 @@ CLEAR = {"water.reach": 400.0, "water.noisy_share": 0.0, "water.clear_hearing": 
 FORMATION = np.array([(1.0, 0.0), (0.6, 0.8), (0.6, -0.8)], np.float32)
 
 
-def fleet(*, shared_belief: bool, threads: int = 1, **overrides: float) -> Simulation:
-    scenario = Scenario(vehicles=VEHICLES, targets=TAGS, shared_belief=shared_belief)
+def fleet(*, modem: Modem, threads: int = 1, **overrides: float) -> Simulation:
+    scenario = Scenario(vehicles=VEHICLES, targets=TAGS, modem=modem)
     changes = {"belief.particles": PARTICLES, **CLEAR, **overrides}
     simulation = Simulation(with_overrides(scenario, changes), WORLDS, threads=threads)
     simulation.reset(seed=0)
@@ -34,9 +35,9 @@ def sail(simulation: Simulation, steps: int) -> np.ndarray:
     return np.stack(errors)
 
 
-@pytest.mark.parametrize(("shared_belief", "owners"), [(True, 1), (False, VEHICLES)])
-def test_every_array_has_the_axes_worlds_vehicles_owners_tags(shared_belief: bool, owners: int) -> None:
-    simulation = fleet(shared_belief=shared_belief)
+@pytest.mark.parametrize(("modem", "owners"), [(PerfectModem(), 1), (NoModem(), VEHICLES)])
+def test_every_array_has_the_axes_worlds_vehicles_owners_tags(modem: Modem, owners: int) -> None:
+    simulation = fleet(modem=modem)
     sail(simulation, 5)
     size = TAGS * len(tag_features(simulation.scenario)) + len(OWN_FEATURES)
     assert simulation.observation.shape == (WORLDS, VEHICLES, size) and len(features(simulation.scenario)) == size
@@ -49,9 +50,9 @@ def test_every_array_has_the_axes_worlds_vehicles_owners_tags(shared_belief: boo
     assert simulation.vehicle_position.shape == (WORLDS, VEHICLES, 2)
 
 
-@pytest.mark.parametrize("shared_belief", [True, False])
-def test_observations_and_rewards_stay_finite_and_in_bounds(shared_belief: bool) -> None:
-    simulation = fleet(shared_belief=shared_belief)
+@pytest.mark.parametrize("modem", [PerfectModem(), NoModem()])
+def test_observations_and_rewards_stay_finite_and_in_bounds(modem: Modem) -> None:
+    simulation = fleet(modem=modem)
     space = observation_space(simulation.scenario)
     for _ in range(20):
         sail(simulation, 5)
@@ -60,7 +61,7 @@ def test_observations_and_rewards_stay_finite_and_in_bounds(shared_belief: bool)
 
 
 def test_beliefs_of_their_own_differ_and_a_shared_one_is_seen_by_all() -> None:
-    own, shared = fleet(shared_belief=False), fleet(shared_belief=True)
+    own, shared = fleet(modem=NoModem()), fleet(modem=PerfectModem())
     sail(own, 30)
     sail(shared, 30)
     for first, second in ((0, 1), (0, 2), (1, 2)):
@@ -75,7 +76,7 @@ def test_errors_fall_when_all_hear() -> None:
 
     Crossed bearings do better (a ninth), until the vehicles, which all sail at tag 0, have left tag 1 behind.
     """
-    simulation = fleet(shared_belief=True)
+    simulation = fleet(modem=PerfectModem())
     before = simulation.error.copy()
     after = sail(simulation, 120)[60:]
     assert before.mean() > 40.0
@@ -83,12 +84,12 @@ def test_errors_fall_when_all_hear() -> None:
 
 
 def test_sharing_what_is_heard_beats_keeping_it() -> None:
-    shared, own = sail(fleet(shared_belief=True), 120), sail(fleet(shared_belief=False), 120)
+    shared, own = sail(fleet(modem=PerfectModem()), 120), sail(fleet(modem=NoModem()), 120)
     assert shared[40:].mean() < own[40:].mean()
 
 
 def test_vehicles_hear_the_tags_one_by_one() -> None:
-    simulation = fleet(shared_belief=False, **{"water.clear_hearing": 0.7})
+    simulation = fleet(modem=NoModem(), **{"water.clear_hearing": 0.7})
     patterns = set()
     for _ in range(30):
         sail(simulation, 1)
@@ -97,7 +98,7 @@ def test_vehicles_hear_the_tags_one_by_one() -> None:
 
 
 def test_fleet_is_the_same_on_any_number_of_threads() -> None:
-    one, three = fleet(shared_belief=False), fleet(shared_belief=False, threads=3)
+    one, three = fleet(modem=NoModem()), fleet(modem=NoModem(), threads=3)
     np.testing.assert_array_equal(sail(one, 40), sail(three, 40))
     np.testing.assert_array_equal(one.observation, three.observation)
     three.close()

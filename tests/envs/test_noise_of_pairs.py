@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.scenario import SCENARIOS, Formation, Frame, Scenario
+from tagtrack.envs.sim.modem import NoModem
 from tagtrack.envs.simulation import Simulation
 
 WORLDS, STEPS = 3, 40
@@ -22,7 +23,7 @@ def together(env_id: str, vehicles: int, targets: int, **changes: object) -> Sce
         scenario,
         vehicles=vehicles,
         targets=targets,
-        shared_belief=False,
+        modem=NoModem(),
         steer_by=Frame.HEADING,
         start=replace(scenario.start, formation=Formation.RING, separation=0.0),
         vehicle=replace(scenario.vehicle, random_current=0.2, compass_bias=0.01, heading_sigma=0.02, speed_sigma=0.02),

@@ -38,7 +38,7 @@ def test_passes_pettingzoos_own_tests(env_id: str, vehicles: int, tags: int) -> 
 @pytest.mark.parametrize("task", sorted(set(tagtrack._FLEETS.values())))
 def test_one_vehicle_and_one_tag_are_the_gymnasium_environment_bit_for_bit(task: str, shared: bool) -> None:
     single = gymnasium.make(task, particles=200)
-    fleet = parallel_env(task, vehicles=1, tags=1, shared_belief=shared, particles=200)
+    fleet = parallel_env(task, vehicles=1, tags=1, modem="perfect" if shared else "none", particles=200)
     assert fleet.observation_space("auv_0") == single.observation_space and fleet.action_space("auv_0") == single.action_space
     for seed in (4, None):
         observation, _ = single.reset(seed=seed)

@@ -11,6 +11,7 @@ import tagtrack  # noqa: F401  registers the ids
 from tagtrack.envs.legend import BELIEF, FISH, VEHICLE
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sim.modem import NoModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
 
@@ -145,7 +146,7 @@ def test_gymnasium_records_a_video_of_frames() -> None:
 
 
 def test_fleet_is_drawn_too() -> None:
-    simulation = Simulation(Scenario(vehicles=3, targets=2, shared_belief=False), 2)
+    simulation = Simulation(Scenario(vehicles=3, targets=2, modem=NoModem()), 2)
     simulation.reset(seed=0)
     picture = Picture(simulation, world=1)
     picture.follow()

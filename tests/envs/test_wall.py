@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sim.modem import NoModem
 from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.world import TRUTH, believe_worlds, sense_worlds
+from tagtrack.envs.world import believe_worlds, sense_worlds
+from tagtrack.envs.world_state import TRUTH
 
 WORLDS, STEPS = 3, 12
 FLEET = Scenario(vehicles=3, targets=2)
@@ -20,7 +22,7 @@ RANGING_FLEET = replace(SCENARIOS["TagTrack/RangeOnly-v0"], vehicles=3, targets=
 TASKS = {
     **SCENARIOS,
     "fleet of one belief": FLEET,
-    "fleet of own beliefs": replace(FLEET, shared_belief=False),
+    "fleet of own beliefs": replace(FLEET, modem=NoModem()),
     "ranging fleet of one belief": RANGING_FLEET,
 }
 
