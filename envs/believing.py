@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from tagtrack.envs.belief.hindsight import Past, enter, is_worth_telling, live_through, open_step, take_down
+import numpy as np
+
+from tagtrack.envs.belief.hindsight import keep, note_own
 from tagtrack.envs.belief.listening import ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
+from tagtrack.envs.exchange import get_to_know, past_of
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import place_of, stream_of
 from tagtrack.envs.observation import (
@@ -39,106 +42,55 @@ def begin_beliefs(b, p, worlds, scratch):
 
 @compiled
 def update_beliefs(b, p, worlds, scratch):
-    """Prediction, and correction with whatever the vehicles that share a belief have heard or surely missed, or were told."""
-    stream = stream_of(worlds.clock[b])
-    if p.modem.talks:
-        read_mail(b, worlds)
-    for o in range(worlds.beliefs.shape[1]):
-        if p.modem.shares or worlds.navigation[b, o].active:
-            for t in range(worlds.beliefs.shape[2]):
-                if p.modem.talks:
-                    recall(b, o, t, p, worlds, stream, scratch)
-                else:
-                    go_on(b, o, t, p, worlds, stream, scratch)
-    meet_mates(b, p, worlds)
+    """Prediction, correction with what the vehicles that share a belief have measured or were told, and summary, step by step.
 
-
-@compiled
-def go_on(b, o, t, p, worlds, stream, scratch):
-    """One belief that hears of everything in time."""
-    first, last = (0, worlds.navigation.shape[1]) if p.modem.shares else (o, o + 1)
-    particles, belief = worlds.particles[b, o, t], worlds.beliefs[b, o, t]
-    listeners = worlds.listeners[b, o, t, first:last]
-    predict_row(particles, belief, listeners, stream, place_of(o, t), p.belief, p.time_step, scratch)
-    correct_row(
-        particles, belief, worlds.measurements[b, first:last, t], listeners, stream, place_of(o, t), p.belief, scratch
-    )  # fmt: skip
-
-
-@compiled
-def recall(b, o, t, p, worlds, stream, scratch):
-    """One belief of a vehicle that is told of measurements some time after they were made; the vehicle's own it has in time."""
-    past = Past(
-        worlds.past_particles[b, o, t], worlds.past_beliefs[b, o, t], worlds.past_listeners[b, o, t],
-        worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
-    )  # fmt: skip
+    That is one step, but for a belief that has gone back for something that came late (``exchange.py``).
+    """
+    k0, k1, episode, _ = stream_of(worlds.clock[b])
     now = worlds.clock[b].step
-    first = now
-    open_step(past, now, worlds.measurements[b, o, t], o, worlds.navigation[b, o])
-    for v in range(worlds.mail.shape[2]):
-        if worlds.mail[b, o, v] > 0:
-            place = worlds.mail[b, o, v] - 1
-            for k in range(worlds.packets[b, v, place].count):
-                letter = worlds.letters[b, v, place, k]
-                if letter.tag == t:
-                    step = int(round(letter.time / p.time_step))
-                    if enter(past, step, now, letter, v):
-                        first = min(first, step)
-                    else:
-                        worlds.radios[b, o].too_late += 1
-    live_through(
-        past, first, now, worlds.particles[b, o, t], worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t], stream,
-        place_of(o, t), p.belief, p.time_step, scratch,
-    )  # fmt: skip
-    status = worlds.listeners[b, o, t, o].status
-    if is_worth_telling(status, p.belief.weighs_silence):
-        take_down(worlds.radios[b, o], worlds.outbox[b, o], worlds.measurements[b, o, t], status)
-
-
-@compiled
-def read_mail(b, worlds):
-    """Where teammates were when they sent what has just come."""
-    for w in range(worlds.mail.shape[1]):
-        for v in range(worlds.mail.shape[2]):
-            if worlds.mail[b, w, v] > 0:
-                packet, mate = worlds.packets[b, v, worlds.mail[b, w, v] - 1], worlds.mates[b, w, v]
-                worlds.radios[b, w].received += 1
-                mate.known = True
-                mate.time = packet.time
-                mate.x = packet.x
-                mate.y = packet.y
-                mate.heading = packet.heading
-                mate.speed = packet.speed
+    for o in range(worlds.beliefs.shape[1]):
+        if not (p.modem.shares or worlds.navigation[b, o].active):
+            continue
+        for t in range(worlds.beliefs.shape[2]):
+            past = past_of(b, o, t, worlds)
+            particles, beliefs, listeners = worlds.particles[b, o, t], worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t]
+            note_own(past, now, worlds.measurements[b, :, t], o, p.modem.shares, worlds.navigation[b, o])
+            first = worlds.since[b, o, t] if p.modem.talks else now
+            for step in range(first, now + 1):
+                if step > first:
+                    keep(past, step, particles, beliefs, listeners)
+                stream, row, place = (k0, k1, episode, np.uint64(step)), place_of(o, t), step % past.poses.shape[0]
+                predict_row(particles, beliefs[0], listeners, stream, row, p.belief, p.time_step, scratch)
+                correct_row(particles, beliefs[0], past.measurements[place], listeners, stream, row, p.belief, scratch)
+                pose = past.poses[place]
+                port = summarize(particles, beliefs[0], pose.x, pose.y, pose.heading, p.belief)
+                worlds.outlooks[b, o, t].port = port
 
 
 @compiled
 def meet_mates(b, p, worlds):
     """With a fusion centre every vehicle knows of every other one that takes part at any time."""
     if p.modem.shares:
-        time = worlds.clock[b].step * p.time_step
         for w in range(worlds.mates.shape[1]):
             for v in range(worlds.mates.shape[1]):
-                navigation, mate = worlds.navigation[b, v], worlds.mates[b, w, v]
-                mate.known = navigation.active
-                mate.time = time
-                mate.x = navigation.x
-                mate.y = navigation.y
-                mate.heading = navigation.heading
-                mate.speed = navigation.speed
+                get_to_know(worlds.mates[b, w, v], worlds.navigation[b, v], worlds.clock[b].step * p.time_step)
+                worlds.mates[b, w, v].known = worlds.navigation[b, v].active
 
 
 @compiled
-def believe(b, p, worlds, outputs):
-    """Condense every belief, and write what each vehicle sees."""
-    owners, tags = worlds.beliefs.shape[1], worlds.beliefs.shape[2]
-    if worlds.clock[b].step == 0:
-        meet_mates(b, p, worlds)
-    for o in range(owners):
+def condense(b, p, worlds):
+    """The summary of every belief, as it is after each step, at the beginning."""
+    for o in range(worlds.beliefs.shape[1]):
         own = worlds.navigation[b, o]
-        if p.modem.shares or own.active:
-            for t in range(tags):
-                port = summarize(worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, own.heading, p.belief)
-                worlds.outlooks[b, o, t].port = port
+        for t in range(worlds.beliefs.shape[2]):
+            port = summarize(worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, own.heading, p.belief)
+            worlds.outlooks[b, o, t].port = port
+    meet_mates(b, p, worlds)
+
+
+@compiled
+def observe_all(b, p, worlds, outputs):
+    """Write what each vehicle sees; nothing where it takes no part any more."""
     for v in range(worlds.navigation.shape[1]):
         if worlds.navigation[b, v].active:
             observe(b, v, p, worlds, outputs.observation[b, v])

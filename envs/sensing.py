@@ -13,7 +13,7 @@ from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, sw
 from tagtrack.envs.observation import decode_action
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import is_destroyed, listen, meet, open_encounter
-from tagtrack.envs.sim.modem import deliver, open_radio, send_in_turn
+from tagtrack.envs.sim.modem import open_radio
 from tagtrack.envs.sim.tags import ping_within, start_pinging
 from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back, watch_separation
 
@@ -64,33 +64,17 @@ def place_fish(target, fish, stream, t, p, tracks, scratch):
 
 @compiled
 def sense(b, p, tracks, actions, worlds, scratch):
-    """Send, steer, swim, hear: the first part of a step."""
+    """Steer, swim, hear: the first part of a step."""
     clock = worlds.clock[b]
     clock.step += 1
     stream = stream_of(clock)
     before = (clock.step - 1) * p.time_step
-    send_messages(b, p, actions, worlds, stream, before)
     steer_vehicles(b, p, actions, worlds, stream)
     for t in range(worlds.fish.shape[1]):
         target = worlds.targets[b, t]
         swim_fish(target, worlds.fish[b, t], stream, t, p, tracks, clock.step, scratch)
         target.pinged = ping_within(target, stream, t, p.tag, before, p.time_step)
     hear_tags(b, p, worlds, stream, before + p.time_step)
-    if p.modem.talks:
-        deliver(worlds.mail[b], worlds.arrivals[b], worlds.navigation[b], before + p.time_step)
-
-
-@compiled
-def send_messages(b, p, actions, worlds, stream, time):
-    """Packets leave in the slots of this step, in which the vehicles are still where they were at ``time``."""
-    if p.modem.talks:
-        if p.message_control:
-            for v in range(worlds.radios.shape[1]):
-                worlds.radios[b, v].wants = actions[b, v, actions.shape[2] - 1] > 0.0
-        send_in_turn(
-            worlds.radios[b], worlds.packets[b], worlds.letters[b], worlds.arrivals[b], worlds.outbox[b], worlds.navigation[b],
-            worlds.vehicles[b], stream, time, p.time_step, p.modem,
-        )  # fmt: skip
 
 
 @compiled

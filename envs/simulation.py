@@ -10,6 +10,7 @@ import numpy as np
 
 from tagtrack.envs.belief.row import make_scratch
 from tagtrack.envs.belief.summary import covariance
+from tagtrack.envs.exchange import exchange_worlds
 from tagtrack.envs.feature import Feature
 from tagtrack.envs.kernels.action_loops import find_broken_action
 from tagtrack.envs.kernels.records import to_record
@@ -71,6 +72,10 @@ class Simulation:
         self._chosen = np.zeros(b, bool)
         self._reset_arguments = (self._chosen, self._parameters, self._tracks, self._places, self.worlds, self.outputs)
         self._step_arguments = (self._parameters, self._tracks, self._actions, self.worlds, self.outputs)
+        self._exchange_arguments = (self._parameters, self._actions, self.worlds)
+        self._exchange_worlds = None
+        if scenario.modem.talks:
+            self._exchange_worlds = _bind(exchange_worlds, 0, b, *self._exchange_arguments, self._workers.scratch[0])
         self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
         self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
 
@@ -123,6 +128,8 @@ class Simulation:
         world = find_broken_action(self._actions)
         if world >= 0:
             raise ValueError(f"actions must be finite, got {self._actions[world].tolist()} for world {world}")
+        if self._exchange_worlds is not None:
+            self._workers.run(self._exchange_worlds, *self._exchange_arguments)
         self._workers.run(self._step_worlds, *self._step_arguments)
 
     @property

@@ -1,13 +1,14 @@
-"""One step of every world, as the papers' loop reads: send, steer, swim, hear | predict, correct, summarize, observe | judge.
+"""One step of every world, as the papers' loop reads: steer, swim, hear | predict, correct, summarize, observe | judge.
 
 The wall runs between hearing and predicting: what the belief and the observation are given of a world are its vehicles'
-navigation, their measurements and the packets that came. Only the referee, at the end, sets estimates beside the truth. The three
-parts are in ``sensing.py``, ``believing.py`` and ``referee.py``, the state they share in ``world_state.py``.
+navigation and their measurements. Only the referee, at the end, sets estimates beside the truth. The three parts are in
+``sensing.py``, ``believing.py`` and ``referee.py``, the state they share in ``world_state.py``; fleets that talk do so between
+two steps, in ``exchange.py``.
 """
 
 from __future__ import annotations
 
-from tagtrack.envs.believing import begin_beliefs, believe, update_beliefs
+from tagtrack.envs.believing import begin_beliefs, condense, meet_mates, observe_all, update_beliefs
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.referee import judge
 from tagtrack.envs.sensing import begin_truth, sense
@@ -22,7 +23,8 @@ def reset_worlds(first, last, chosen, parameters, tracks, places, worlds, output
             worlds.clock[b].step = 0
             begin_truth(b, p, tracks, places, worlds, scratch)
             begin_beliefs(b, p, worlds, scratch)
-            believe(b, p, worlds, outputs)
+            condense(b, p, worlds)
+            observe_all(b, p, worlds, outputs)
             judge(b, p, worlds, outputs)
 
 
@@ -33,7 +35,8 @@ def step_worlds(first, last, parameters, tracks, actions, worlds, outputs, scrat
     for b in range(first, last):
         sense(b, p, tracks, actions, worlds, scratch)
         update_beliefs(b, p, worlds, scratch)
-        believe(b, p, worlds, outputs)
+        meet_mates(b, p, worlds)
+        observe_all(b, p, worlds, outputs)
         judge(b, p, worlds, outputs)
 
 
@@ -41,7 +44,8 @@ def step_worlds(first, last, parameters, tracks, actions, worlds, outputs, scrat
 def sense_worlds(first, last, parameters, tracks, actions, worlds, outputs, scratch):
     """The first half of ``step_worlds``, up to the wall."""
     for b in range(first, last):
-        sense(b, parameters[0], tracks, actions, worlds, scratch)
+        p = parameters[0]
+        sense(b, p, tracks, actions, worlds, scratch)
 
 
 @compiled
@@ -49,4 +53,5 @@ def believe_worlds(first, last, parameters, worlds, outputs, scratch):
     """The second half of ``step_worlds`` but for the referee."""
     for b in range(first, last):
         update_beliefs(b, parameters[0], worlds, scratch)
-        believe(b, parameters[0], worlds, outputs)
+        meet_mates(b, parameters[0], worlds)
+        observe_all(b, parameters[0], worlds, outputs)

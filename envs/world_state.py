@@ -44,11 +44,12 @@ class Worlds(NamedTuple):
     packets: np.ndarray  # (B, V, D) PACKET
     letters: np.ndarray  # (B, V, D, M) MEASUREMENT
     mail: np.ndarray  # (B, V, V) which packet of the second has just come to the first: 1 + its place, 0: none
+    since: np.ndarray  # (B, O, T) int64: the step from which on each belief goes through this one
     past_particles: np.ndarray  # (B, O, T, K, 4 or 5, N): see ``belief.hindsight.Past``, as the next four
     past_beliefs: np.ndarray  # (B, O, T, K)
     past_listeners: np.ndarray  # (B, O, T, K, V)
-    past_measurements: np.ndarray  # (B, O, T, K, V)
-    past_poses: np.ndarray  # (B, O, T, K)
+    past_measurements: np.ndarray  # (B, O, T, K, V); at least this step's
+    past_poses: np.ndarray  # (B, O, T, K), as well
 
 
 class Outputs(NamedTuple):
@@ -85,9 +86,10 @@ def make_worlds(b: int, v: int, t: int, o: int, rows: int, particles: int, modem
         packets=np.zeros((b, v, d), PACKET),
         letters=np.zeros((b, v, d, m), MEASUREMENT),
         mail=np.zeros((b, v, v), np.int64),
+        since=np.zeros((b, o, t), np.int64),
         past_particles=np.zeros((b, o, t, k, rows, particles), np.float32),
         past_beliefs=np.zeros((b, o, t, k), BELIEF),
         past_listeners=np.zeros((b, o, t, k, v), LISTENER),
-        past_measurements=np.zeros((b, o, t, k, v), MEASUREMENT),
-        past_poses=np.zeros((b, o, t, k), NAVIGATION),
+        past_measurements=np.zeros((b, o, t, max(k, 1), v), MEASUREMENT),
+        past_poses=np.zeros((b, o, t, max(k, 1)), NAVIGATION),
     )

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.belief.row import correct_row, predict_row
-from tagtrack.envs.belief.summary import summarize
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.measurement import Status
 
@@ -27,58 +25,57 @@ class Past(NamedTuple):
 
 
 @compiled
-def keep(past, step, particles, belief, listeners):
-    """Remember the state before a step."""
+def note_own(past, step, measurements, own, shares, pose):
+    """What is measured at a step, (V,), by all vehicles or by the own one alone, and where that one is."""
+    place = step % past.poses.shape[0]
+    past.poses[place] = pose
+    for v in range(measurements.shape[0]):
+        if shares or v == own:
+            past.measurements[place, v] = measurements[v]
+
+
+@compiled
+def keep(past, step, particles, beliefs, listeners):
+    """Remember the state before a step; the belief is the one of ``beliefs`` (1,)."""
     place = step % past.beliefs.shape[0]
-    past.beliefs[place] = belief
+    past.beliefs[place] = beliefs[0]
     copy_rows(past.particles[place], particles)
     for v in range(listeners.shape[0]):
         past.listeners[place, v] = listeners[v]
 
 
 @compiled
-def open_step(past, step, own, v, pose):
-    """A step begins: of it, only the own measurement is there so far."""
-    place = step % past.beliefs.shape[0]
-    past.poses[place] = pose
-    for each in range(past.measurements.shape[1]):
-        past.measurements[place, each].status = Status.ABSENT
-    past.measurements[place, v] = own
+def recall(past, tag, coming, time_step, mail, packets, letters, radio, particles, beliefs, listeners):
+    """Take up what has just come about a tag, and go back to before it was measured.
 
-
-@compiled
-def enter(past, step, now, letter, v):
-    """Enter a measurement that vehicle ``v`` made at a step. Returns whether the belief remembers that far back."""
-    if not (0 < step <= now and now - step < past.beliefs.shape[0]):
-        return False
-    past.measurements[step % past.beliefs.shape[0], v] = letter
-    return True
-
-
-@compiled
-def live_through(past, first, now, particles, beliefs, listeners, stream, row, rule, time_step, scratch):
-    """Bring the one belief of ``beliefs`` (1,) to ``now``, with all that is known of the steps from ``first`` on.
-
-    Where ``first`` is before ``now`` it goes back. The belief of the last step is left to be summarized.
+    Args:
+        past, particles, beliefs (1,), listeners: of the belief, which stands before the step ``coming``.
+        mail: (V,) of what came from each vehicle 1 + its place among ``packets`` (V, D) and ``letters`` (V, D, M); 0: nothing.
+    Returns:
+        The first step that the belief must go through anew.
     """
-    steps, belief = past.beliefs.shape[0], beliefs[0]
-    k0, k1, episode, _ = stream
-    if first < now:
-        place = first % steps
+    keep(past, coming, particles, beliefs, listeners)
+    for v in range(mail.shape[0]):
+        past.measurements[coming % past.beliefs.shape[0], v].status = Status.ABSENT
+    first = coming
+    for v in range(mail.shape[0]):
+        place = mail[v] - 1
+        if place >= 0:
+            for k in range(packets[v, place].count):
+                if letters[v, place, k].tag == tag:
+                    step = int(round(letters[v, place, k].time / time_step))
+                    if 0 < step < coming and coming - step < past.beliefs.shape[0]:
+                        past.measurements[step % past.beliefs.shape[0], v] = letters[v, place, k]
+                        first = min(first, step)
+                    else:
+                        radio.too_late += 1
+    if first < coming:
+        place = first % past.beliefs.shape[0]
         copy_rows(particles, past.particles[place])
         beliefs[0] = past.beliefs[place]
         for v in range(listeners.shape[0]):
             listeners[v] = past.listeners[place, v]
-    for step in range(first, now + 1):
-        place = step % steps
-        if step > first:
-            pose = past.poses[(step - 1) % steps]
-            summarize(particles, belief, pose.x, pose.y, pose.heading, rule)
-        if step > first or first == now:
-            keep(past, step, particles, belief, listeners)
-        then = (k0, k1, episode, np.uint64(step))
-        predict_row(particles, belief, listeners, then, row, rule, time_step, scratch)
-        correct_row(particles, belief, past.measurements[place], listeners, then, row, rule, scratch)
+    return first
 
 
 @compiled
@@ -87,20 +84,19 @@ def copy_rows(to, of):
         for i in range(of.shape[1]):
             to[r, i] = of[r, i]
 
+
+@compiled
+def is_worth_telling(status, weighs_silence):
+    """A ping, or where silence is weighed one that was surely missed."""
+    return status == Status.HEARD or (status == Status.MISSED and weighs_silence)
+
+
 @compiled
 def take_down(radio, outbox, measurement, status):
-    """Keep a measurement for the next packet, the newest first; where there is no room for it the oldest goes."""
+    """Keep a vehicle's own measurement for its next packet, the newest first; where there is no room the oldest goes."""
     room = outbox.shape[0]
-    if room == 0:
-        return
     for k in range(min(radio.waiting, room - 1), 0, -1):
         outbox[k] = outbox[k - 1]
     outbox[0] = measurement
     outbox[0].status = status
     radio.waiting = min(radio.waiting + 1, room)
-
-
-@compiled
-def is_worth_telling(status, weighs_silence):
-    """A ping, or a silence where silence is weighed."""
-    return status == Status.HEARD or (status == Status.MISSED and weighs_silence)

@@ -1,0 +1,95 @@
+"""What vehicles that talk do between two steps: put down their news, send, receive, and go back for what has come late.
+
+Compiled only for fleets that talk. The ring of what a belief remembers is in ``belief/hindsight.py``, the modem in
+``sim/modem.py``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tagtrack.envs.belief.hindsight import Past, is_worth_telling, recall, take_down
+from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.random import stream_of
+from tagtrack.envs.sim.modem import deliver, send_in_turn
+
+
+@compiled
+def exchange_worlds(first, last, parameters, actions, worlds, scratch):
+    """All that travels while worlds first..last-1 go from this step to the next."""
+    p = parameters[0]
+    for b in range(first, last):
+        take_down_news(b, p, worlds)
+        travel(b, p, actions, worlds)
+        read_mail(b, worlds)
+        recall_beliefs(b, p, worlds)
+
+
+@compiled
+def take_down_news(b, p, worlds):
+    """What a vehicle measured at this step waits for its next packet."""
+    for v in range(worlds.radios.shape[1]):
+        if worlds.navigation[b, v].active:
+            for t in range(worlds.beliefs.shape[2]):
+                status = worlds.listeners[b, v, t, v].status
+                if is_worth_telling(status, p.belief.weighs_silence):
+                    take_down(worlds.radios[b, v], worlds.outbox[b, v], worlds.measurements[b, v, t], status)
+
+
+@compiled
+def travel(b, p, actions, worlds):
+    """Packets leave in the slots until the next step, from where the vehicles are now; what comes by then is delivered."""
+    k0, k1, episode, step = stream_of(worlds.clock[b])
+    time = worlds.clock[b].step * p.time_step
+    if p.message_control:
+        for v in range(worlds.radios.shape[1]):
+            worlds.radios[b, v].wants = actions[b, v, actions.shape[2] - 1] > 0.0
+    send_in_turn(
+        worlds.radios[b], worlds.packets[b], worlds.letters[b], worlds.arrivals[b], worlds.outbox[b], worlds.navigation[b],
+        worlds.vehicles[b], (k0, k1, episode, step + np.uint64(1)), time, p.time_step, p.modem,
+    )  # fmt: skip
+    deliver(worlds.mail[b], worlds.arrivals[b], worlds.navigation[b], time + p.time_step)
+
+
+@compiled
+def read_mail(b, worlds):
+    """Teammates are where they were when they sent what has just come."""
+    for w in range(worlds.mail.shape[1]):
+        for v in range(worlds.mail.shape[2]):
+            if worlds.mail[b, w, v] > 0:
+                packet = worlds.packets[b, v, worlds.mail[b, w, v] - 1]
+                worlds.radios[b, w].received += 1
+                get_to_know(worlds.mates[b, w, v], packet, packet.time)
+
+
+@compiled
+def get_to_know(mate, pose, time):
+    """A teammate is where it says it was at a time."""
+    mate.known = True
+    mate.time = time
+    mate.x = pose.x
+    mate.y = pose.y
+    mate.heading = pose.heading
+    mate.speed = pose.speed
+
+
+@compiled
+def recall_beliefs(b, p, worlds):
+    """Where something has come late, go back to before it; ``worlds.since`` tells from which step on each belief is to go."""
+    coming = worlds.clock[b].step + 1
+    for o in range(worlds.beliefs.shape[1]):
+        if worlds.navigation[b, o].active:
+            for t in range(worlds.beliefs.shape[2]):
+                worlds.since[b, o, t] = recall(
+                    past_of(b, o, t, worlds), t, coming, p.time_step, worlds.mail[b, o], worlds.packets[b], worlds.letters[b],
+                    worlds.radios[b, o], worlds.particles[b, o, t], worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t],
+                )  # fmt: skip
+
+
+@compiled
+def past_of(b, o, t, worlds):
+    """The last steps of one belief."""
+    return Past(
+        worlds.past_particles[b, o, t], worlds.past_beliefs[b, o, t], worlds.past_listeners[b, o, t],
+        worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
+    )  # fmt: skip
