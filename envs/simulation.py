@@ -69,6 +69,7 @@ class Simulation:
             measurements=np.zeros((b, v, t), MEASUREMENT),
             beliefs=np.zeros((b, o, t), BELIEF),
             particles=np.zeros((b, o, t, scenario.belief.rows, particles), np.float32),
+            carried=np.ones((b, o, t, scenario.belief.carried), np.float32),
             listeners=np.zeros((b, v, t), LISTENER),
             outlooks=np.zeros((b, v, t), OUTLOOK),
         )

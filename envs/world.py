@@ -45,6 +45,7 @@ class Worlds(NamedTuple):
     measurements: np.ndarray  # (B, V, T) MEASUREMENT
     beliefs: np.ndarray  # (B, O, T) BELIEF
     particles: np.ndarray  # (B, O, T, 4 or 5, N) float32, as fish; the fifth row is an estimated number of the sensor
+    carried: np.ndarray  # (B, O, T, N or 0) float32: weights that the particles carry; none where every correction resamples
     listeners: np.ndarray  # (B, V, T) LISTENER
     outlooks: np.ndarray  # (B, V, T) OUTLOOK
 
@@ -121,7 +122,8 @@ def begin_beliefs(b, p, worlds, scratch):
         for o in range(worlds.beliefs.shape[1]):
             own = worlds.navigation[b, o]
             begin_row(
-                worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, stream, place_of(o, t), p.belief, scratch
+                worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, stream,
+                place_of(o, t), p.belief, scratch,
             )  # fmt: skip
         begin_listeners(worlds.listeners[b, :, t], 0.0, p.belief)
         for v in range(worlds.listeners.shape[1]):
@@ -201,11 +203,12 @@ def update_beliefs(b, p, worlds, scratch):
     for o in range(owners):
         first, last = (0, worlds.navigation.shape[1]) if owners == 1 else (o, o + 1)
         for t in range(worlds.beliefs.shape[2]):
-            particles, belief = worlds.particles[b, o, t], worlds.beliefs[b, o, t]
+            particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
             listeners = worlds.listeners[b, first:last, t]
-            predict_row(particles, belief, listeners, stream, place_of(o, t), p.belief, p.time_step, scratch)
+            predict_row(particles, carried, belief, listeners, stream, place_of(o, t), p.belief, p.time_step, scratch)
             correct_row(
-                particles, belief, worlds.measurements[b, first:last, t], listeners, stream, place_of(o, t), p.belief, scratch
+                particles, carried, belief, worlds.measurements[b, first:last, t], listeners, stream, place_of(o, t), p.belief,
+                scratch,
             )  # fmt: skip
 
 
@@ -216,8 +219,8 @@ def believe(b, p, worlds, outputs):
     for o in range(owners):
         for t in range(tags):
             own = worlds.navigation[b, o]
-            port = summarize(worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, own.heading, p.belief)
-            worlds.outlooks[b, o, t].port = port
+            particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
+            worlds.outlooks[b, o, t].port = summarize(particles, carried, belief, own.x, own.y, own.heading, p.belief)
     time = worlds.clock[b].step * p.time_step
     size = (outputs.observation.shape[2] - OWN_COUNT) // tags
     for v in range(worlds.navigation.shape[1]):
@@ -226,7 +229,7 @@ def believe(b, p, worlds, outputs):
         for t in range(tags):
             belief, outlook, listener = worlds.beliefs[b, o, t], worlds.outlooks[b, v, t], worlds.listeners[b, v, t]
             if v != o:
-                look_to_port(outlook, worlds.particles[b, o, t], navigation)
+                look_to_port(outlook, worlds.particles[b, o, t], worlds.carried[b, o, t], navigation)
             look(outlook, belief, navigation, p.scale.memory, p.time_step)
             phase = ping_phase(listener, time, p.belief.period, p.belief.random_delay)
             out = outputs.observation[b, v, t * size : (t + 1) * size]

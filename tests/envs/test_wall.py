@@ -132,5 +132,5 @@ def test_what_does_pass_through_the_wall_shows(name: str) -> None:
 
 def test_truth_is_all_that_neither_navigation_nor_a_measurement_nor_the_belief_is() -> None:
     """A new array of a world must be put on one side."""
-    own = {"clock", "navigation", "measurements", "beliefs", "particles", "listeners", "outlooks"}
+    own = {"clock", "navigation", "measurements", "beliefs", "particles", "carried", "listeners", "outlooks"}
     assert set(begin(FLEET).worlds._fields) == {*TRUTH, *own}
