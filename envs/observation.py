@@ -54,7 +54,7 @@ def begin_outlook(outlook):
 
 @compiled
 def look_to_port(outlook, particles, carried, navigation):
-    """The share of particles (of the weights they carry, if any) to port of a vehicle about whom the belief was not summarized."""
+    """The share of particles, or of the weights they carry, to port of a vehicle about whom the belief was not summarized."""
     ahead_x = np.float32(math.cos(navigation.heading))
     ahead_y = np.float32(math.sin(navigation.heading))
     own_x, own_y = np.float32(navigation.x), np.float32(navigation.y)
