@@ -26,7 +26,7 @@ from tagtrack.envs.kernels.random import (
     high_unit,
     uniform_pair,
 )
-from tagtrack.envs.kernels.resample_loops import fill_row, normalize, total_weight
+from tagtrack.envs.kernels.resample_loops import fill_row, restore_mean, total_weight
 from tagtrack.envs.kernels.summary_loops import mean_about, mean_of, spread_about, squares_about
 from tagtrack.envs.kernels.weighted_loops import weighted_mean_of, weighted_squares_about
 
@@ -87,7 +87,8 @@ def renew(particles, carried, belief, stream, row, rule):
             particles[4, i] = rule.middle + rule.reach * (2.0 * unit - 1.0)
         if carried.shape[0] > 0:
             carried[i] = f32(1.0)
-    normalize(carried, carried)
+    if count > 0:
+        restore_mean(carried)
 
 
 @compiled

@@ -198,7 +198,7 @@ def test_a_particle_put_elsewhere_takes_the_mean_weight_and_not_the_same_one_goe
             scatter_share(particles, carried, 0.1, 0.0, 0.0, stream, 0, 100.0)
         gone = (particles != before).any(axis=0)
         assert gone.sum() == 100 and carried.mean(dtype=np.float64) == pytest.approx(1.0, abs=1e-6)
-        assert np.ptp(carried[gone]) == 0.0
+        assert np.ptp(carried[gone]) < 1e-6
         np.testing.assert_allclose(carried[~gone] / carried[gone][0], weights[~gone], rtol=1e-6)
         moved.append(int(np.flatnonzero(gone)[0]))
         assert set(np.diff(np.flatnonzero(gone))) == {10}
