@@ -51,7 +51,7 @@ def summarize(particles, carried, belief, about_x, about_y, heading, rule):
     else:
         belief.estimate_x = belief.mean_x
         belief.estimate_y = belief.mean_y
-    return left / total
+    return left / total  # here, after the branches: beside other divisions by N it would become a product, and round otherwise
 
 
 def covariance(belief: Any) -> np.ndarray:
