@@ -102,10 +102,8 @@ class Information(InformedHeuristic):
     def _expect_information(self, rows: np.ndarray, poses: Track) -> np.ndarray:
         """(R, K) expected information [nats] of pings heard at ``poses`` (R, K, P)."""
         particles = self.simulation.worlds.particles
-        # Resampling leaves the children of a particle side by side, so every n-th one is a stratified sample.
-        count = particles.shape[-1]
-        chosen = np.arange(min(self.sample, count)) * count // min(self.sample, count)
-        x, y = (particles[rows[:, None], 0, 0, axis, chosen[None, :]] for axis in (0, 1))
+        chosen = self._stand_for_all(rows)
+        x, y = (particles[rows[:, None], 0, 0, axis, chosen] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
         depth = self.simulation.listeners["depth"][rows, 0, 0]
         # The tables are of the number assumed, the belief may know better.
@@ -116,6 +114,22 @@ class Information(InformedHeuristic):
             self._tables.chance, self._tables.likelihood, self._entropy, self._tables.by_distance, information,
         )  # fmt: skip
         return information.astype(np.float64)
+
+    def _stand_for_all(self, rows: np.ndarray) -> np.ndarray:
+        """Indices (R or 1, S) of a stratified sample of the particles: children of a particle lie side by side."""
+        worlds = self.simulation.worlds
+        count = worlds.particles.shape[-1]
+        sample = min(self.sample, count)
+        if worlds.carried.shape[-1] > 0:
+            return draw_evenly(worlds.carried[rows, 0, 0], sample)
+        return (np.arange(sample) * count // sample)[None, :]  # every n-th
+
+
+def draw_evenly(weights: np.ndarray, sample: int) -> np.ndarray:
+    """Indices (R, S) of a systematic sample by weights (R, N), without chance: the middles of S equal parts of their sum."""
+    bounds = np.cumsum(weights, axis=1, dtype=np.float64)
+    parts = (np.arange(sample) + 0.5) / sample
+    return np.stack([np.searchsorted(row, parts * row[-1], side="right") for row in bounds])
 
 
 def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, time_step: float, steps: int) -> Track:

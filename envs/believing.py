@@ -30,7 +30,8 @@ def begin_beliefs(b, p, worlds, scratch):
         for o in range(worlds.beliefs.shape[1]):
             own = worlds.navigation[b, o]
             begin_row(
-                worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, stream, place_of(o, t), p.belief, scratch
+                worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, stream,
+                place_of(o, t), p.belief, scratch,
             )  # fmt: skip
             begin_listeners(worlds.listeners[b, o, t], 0.0, p.belief)
         for v in range(worlds.outlooks.shape[1]):
@@ -52,18 +53,18 @@ def update_beliefs(b, p, worlds, scratch):
         if not (p.modem.shares or worlds.navigation[b, o].active):
             continue
         for t in range(worlds.beliefs.shape[2]):
-            past = past_of(b, o, t, worlds)
-            particles, beliefs, listeners = worlds.particles[b, o, t], worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t]
+            past, listeners = past_of(b, o, t, worlds), worlds.listeners[b, o, t]
+            particles, carried, beliefs = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1]
             note_own(past, now, worlds.measurements[b, :, t], o, p.modem.shares, worlds.navigation[b, o])
             first = worlds.since[b, o, t] if p.modem.talks else now
             for step in range(first, now + 1):
                 if step > first:
-                    keep(past, step, particles, beliefs, listeners)
+                    keep(past, step, particles, carried, beliefs, listeners)
                 stream, row, place = (k0, k1, episode, np.uint64(step)), place_of(o, t), step % past.poses.shape[0]
-                predict_row(particles, beliefs[0], listeners, stream, row, p.belief, p.time_step, scratch)
-                correct_row(particles, beliefs[0], past.measurements[place], listeners, stream, row, p.belief, scratch)
-                pose = past.poses[place]
-                port = summarize(particles, beliefs[0], pose.x, pose.y, pose.heading, p.belief)
+                predict_row(particles, carried, beliefs[0], listeners, stream, row, p.belief, p.time_step, scratch)
+                told, pose = past.measurements[place], past.poses[place]
+                correct_row(particles, carried, beliefs[0], told, listeners, stream, row, p.belief, scratch)
+                port = summarize(particles, carried, beliefs[0], pose.x, pose.y, pose.heading, p.belief)
                 worlds.outlooks[b, o, t].port = port
 
 
@@ -83,8 +84,8 @@ def condense(b, p, worlds):
     for o in range(worlds.beliefs.shape[1]):
         own = worlds.navigation[b, o]
         for t in range(worlds.beliefs.shape[2]):
-            port = summarize(worlds.particles[b, o, t], worlds.beliefs[b, o, t], own.x, own.y, own.heading, p.belief)
-            worlds.outlooks[b, o, t].port = port
+            particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
+            worlds.outlooks[b, o, t].port = summarize(particles, carried, belief, own.x, own.y, own.heading, p.belief)
     meet_mates(b, p, worlds)
 
 
@@ -108,7 +109,7 @@ def observe(b, v, p, worlds, out):
     for t in range(tags):
         belief, outlook, listener = worlds.beliefs[b, o, t], worlds.outlooks[b, v, t], worlds.listeners[b, o, t, v]
         if v != o:
-            look_to_port(outlook, worlds.particles[b, o, t], navigation)
+            look_to_port(outlook, worlds.particles[b, o, t], worlds.carried[b, o, t], navigation)
         look(outlook, belief, navigation, p.scale.memory, p.time_step)
         phase = ping_phase(listener, time, p.belief.period, p.belief.random_delay)
         block = out[t * p.layout.tag : (t + 1) * p.layout.tag]

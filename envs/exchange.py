@@ -82,7 +82,8 @@ def recall_beliefs(b, p, worlds):
             for t in range(worlds.beliefs.shape[2]):
                 worlds.since[b, o, t] = recall(
                     past_of(b, o, t, worlds), t, coming, p.time_step, worlds.mail[b, o], worlds.packets[b], worlds.letters[b],
-                    worlds.radios[b, o], worlds.particles[b, o, t], worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t],
+                    worlds.radios[b, o], worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1],
+                    worlds.listeners[b, o, t],
                 )  # fmt: skip
 
 
@@ -90,6 +91,6 @@ def recall_beliefs(b, p, worlds):
 def past_of(b, o, t, worlds):
     """The last steps of one belief."""
     return Past(
-        worlds.past_particles[b, o, t], worlds.past_beliefs[b, o, t], worlds.past_listeners[b, o, t],
-        worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
+        worlds.past_particles[b, o, t], worlds.past_carried[b, o, t], worlds.past_beliefs[b, o, t],
+        worlds.past_listeners[b, o, t], worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
     )  # fmt: skip

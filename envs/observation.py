@@ -13,6 +13,7 @@ from tagtrack.envs.frame import Frame
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.summary_loops import share_to_port
+from tagtrack.envs.kernels.weighted_loops import weighted_share_to_port
 from tagtrack.envs.sensors.sensor import observe_at
 
 SILENCE_SCALE = 2.0
@@ -61,12 +62,16 @@ def begin_outlook(outlook):
 
 
 @compiled
-def look_to_port(outlook, particles, navigation):
-    """The share of particles to port, for a vehicle about whom the belief was not summarized."""
+def look_to_port(outlook, particles, carried, navigation):
+    """The share of particles, or of the weights they carry, to port of a vehicle about whom the belief was not summarized."""
     ahead_x = np.float32(math.cos(navigation.heading))
     ahead_y = np.float32(math.sin(navigation.heading))
     own_x, own_y = np.float32(navigation.x), np.float32(navigation.y)
-    outlook.port = share_to_port(particles[0], particles[1], own_x, own_y, ahead_x, ahead_y)
+    x, y = particles[0], particles[1]
+    if carried.shape[0] > 0:
+        outlook.port = weighted_share_to_port(x, y, carried, own_x, own_y, ahead_x, ahead_y)
+    else:
+        outlook.port = share_to_port(x, y, own_x, own_y, ahead_x, ahead_y)
 
 
 @compiled

@@ -188,12 +188,14 @@ class Picture:
                     self._pygame.draw.lines(self._canvas, colour, False, self._pixel(path).tolist(), 2 * FINE)
 
     def _paint_particles(self) -> None:
-        """Each a small square; where they are many the colour is deep."""
+        """Each a small square; where they are many, or weigh much, the colour is deep."""
         pygame, count = self._pygame, self._simulation.worlds.particles.shape[-1]
         stamp = np.array(list(np.ndindex(2 * FINE + 1, 2 * FINE + 1))) - FINE
         cells = (self._pixel(self._particles()).astype(int)[:, np.newaxis] + stamp).reshape(-1, 2)
-        cells = cells[((cells >= 0) & (cells < SIDE)).all(axis=1)]
-        cell, depth = np.unique(cells[:, 0] * SIDE + cells[:, 1], return_counts=True)
+        inside = ((cells >= 0) & (cells < SIDE)).all(axis=1)
+        cell, which = np.unique(cells[inside] @ (SIDE, 1), return_inverse=True)
+        carried = self._simulation.worlds.carried[self._world].ravel()  # empty where all weigh alike
+        depth = np.bincount(which, np.repeat(carried, len(stamp))[inside] if carried.size else None)
         layer = pygame.Surface((SIDE, SIDE), pygame.SRCALPHA)
         layer.fill((*BELIEF, 0))
         alpha = pygame.surfarray.pixels_alpha(layer)

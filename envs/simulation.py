@@ -58,7 +58,7 @@ class Simulation:
         self._places = np.array(scenario.start.places(scenario.vehicles))
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
         particles = scenario.belief.particles
-        self.worlds = make_worlds(b, v, t, o, scenario.belief.rows, particles, rule.modem)
+        self.worlds = make_worlds(b, v, t, o, scenario.belief, rule.modem)
         self.outputs = Outputs(
             observation=np.zeros((b, v, len(self.features)), np.float32),
             terms=np.zeros((b, v, len(scenario.reward.names))),

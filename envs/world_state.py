@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.measurement import LISTENER, MEASUREMENT, NAVIGATION
 from tagtrack.envs.message import MATE, PACKET, RADIO
@@ -36,6 +37,7 @@ class Worlds(NamedTuple):
     measurements: np.ndarray  # (B, V, T) MEASUREMENT
     beliefs: np.ndarray  # (B, O, T) BELIEF
     particles: np.ndarray  # (B, O, T, 4 or 5, N) float32, as fish; the fifth row is an estimated number of the sensor
+    carried: np.ndarray  # (B, O, T, N or 0) float32: weights that the particles carry; none where every correction resamples
     listeners: np.ndarray  # (B, O, T, V) LISTENER: what each belief remembers of the vehicles that tell it something
     outlooks: np.ndarray  # (B, V, T) OUTLOOK
     mates: np.ndarray  # (B, V, V) MATE: what each vehicle knows of each
@@ -45,7 +47,8 @@ class Worlds(NamedTuple):
     letters: np.ndarray  # (B, V, D, M) MEASUREMENT
     mail: np.ndarray  # (B, V, V) which packet of the second has just come to the first: 1 + its place, 0: none
     since: np.ndarray  # (B, O, T) int64: the step from which on each belief goes through this one
-    past_particles: np.ndarray  # (B, O, T, K, 4 or 5, N): see ``belief.hindsight.Past``, as the next four
+    past_particles: np.ndarray  # (B, O, T, K, 4 or 5, N): see ``belief.hindsight.Past``, as the next five
+    past_carried: np.ndarray  # (B, O, T, K, N or 0)
     past_beliefs: np.ndarray  # (B, O, T, K)
     past_listeners: np.ndarray  # (B, O, T, K, V)
     past_measurements: np.ndarray  # (B, O, T, K, V); at least this step's
@@ -64,7 +67,7 @@ class Outputs(NamedTuple):
 TRUTH = ("vehicles", "targets", "fish", "encounters", "arrivals")  # what the belief's half of a step must not read
 
 
-def make_worlds(b: int, v: int, t: int, o: int, rows: int, particles: int, modem: ModemRule) -> Worlds:
+def make_worlds(b: int, v: int, t: int, o: int, belief: Belief, modem: ModemRule) -> Worlds:
     """The state of ``b`` worlds, all zero."""
     d, m, k = modem.flights, modem.letters, modem.remembered
     return Worlds(
@@ -77,7 +80,8 @@ def make_worlds(b: int, v: int, t: int, o: int, rows: int, particles: int, modem
         navigation=np.zeros((b, v), NAVIGATION),
         measurements=np.zeros((b, v, t), MEASUREMENT),
         beliefs=np.zeros((b, o, t), BELIEF),
-        particles=np.zeros((b, o, t, rows, particles), np.float32),
+        particles=np.zeros((b, o, t, belief.rows, belief.particles), np.float32),
+        carried=np.ones((b, o, t, belief.carried), np.float32),
         listeners=np.zeros((b, o, t, v), LISTENER),
         outlooks=np.zeros((b, v, t), OUTLOOK),
         mates=np.zeros((b, v, v), MATE),
@@ -87,7 +91,8 @@ def make_worlds(b: int, v: int, t: int, o: int, rows: int, particles: int, modem
         letters=np.zeros((b, v, d, m), MEASUREMENT),
         mail=np.zeros((b, v, v), np.int64),
         since=np.zeros((b, o, t), np.int64),
-        past_particles=np.zeros((b, o, t, k, rows, particles), np.float32),
+        past_particles=np.zeros((b, o, t, k, belief.rows, belief.particles), np.float32),
+        past_carried=np.zeros((b, o, t, k, belief.carried), np.float32),
         past_beliefs=np.zeros((b, o, t, k), BELIEF),
         past_listeners=np.zeros((b, o, t, k, v), LISTENER),
         past_measurements=np.zeros((b, o, t, max(k, 1), v), MEASUREMENT),

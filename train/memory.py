@@ -16,7 +16,7 @@ NUMBER_BYTES = 4
 def memory_of_run(scenario: Scenario, settings: Settings) -> int:
     """Memory of particles and of the steps kept for learning [B], a little below what is really taken."""
     belief = scenario.belief
-    worlds = settings.num_envs * (belief.rows * belief.particles * NUMBER_BYTES + WORLD_BYTES)
+    worlds = settings.num_envs * ((belief.rows * belief.particles + belief.carried) * NUMBER_BYTES + WORLD_BYTES)
     observed = len(features(scenario))
     acted = len(action_names(scenario))
     if isinstance(settings, PPOSettings):

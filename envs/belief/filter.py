@@ -44,6 +44,7 @@ class Rows(NamedTuple):
 
     key: np.ndarray  # (R,) KEY
     particles: np.ndarray  # (R, 4 or 5, N) float32
+    carried: np.ndarray  # (R, N or 0) float32: weights that the particles carry; none where every correction resamples
     beliefs: np.ndarray  # (R,) BELIEF
     listeners: np.ndarray  # (R, V) LISTENER
     about: np.ndarray  # (R,) NAVIGATION: where the vehicle was that told the belief something last
@@ -54,7 +55,9 @@ def begin_rows(first, last, parameters, time, rows, scratch):
     for r in range(first, last):
         rule, about = parameters[0], rows.about[r]
         stream = stream_of(rows.key[r])
-        begin_row(rows.particles[r], rows.beliefs[r], about.x, about.y, stream, rows.key[r].place, rule, scratch)
+        begin_row(
+            rows.particles[r], rows.carried[r], rows.beliefs[r], about.x, about.y, stream, rows.key[r].place, rule, scratch
+        )  # fmt: skip
         begin_listeners(rows.listeners[r], time, rule)
 
 
@@ -64,7 +67,8 @@ def predict_rows(first, last, parameters, time_step, rows, scratch):
         key = rows.key[r]
         key.step += 1
         predict_row(
-            rows.particles[r], rows.beliefs[r], rows.listeners[r], stream_of(key), key.place, parameters[0], time_step, scratch
+            rows.particles[r], rows.carried[r], rows.beliefs[r], rows.listeners[r], stream_of(key), key.place, parameters[0],
+            time_step, scratch,
         )  # fmt: skip
 
 
@@ -74,8 +78,8 @@ def correct_rows(first, last, parameters, measurements, rows, scratch):
     for r in range(first, last):
         key = rows.key[r]
         correct_row(
-            rows.particles[r], rows.beliefs[r], measurements[r], rows.listeners[r], stream_of(key), key.place, parameters[0],
-            scratch,
+            rows.particles[r], rows.carried[r], rows.beliefs[r], measurements[r], rows.listeners[r], stream_of(key), key.place,
+            parameters[0], scratch,
         )  # fmt: skip
         for v in range(measurements.shape[1] - 1, -1, -1):
             if measurements[r, v].status != Status.ABSENT:
@@ -88,7 +92,7 @@ def correct_rows(first, last, parameters, measurements, rows, scratch):
 def summarize_rows(first, last, parameters, rows, scratch):
     for r in range(first, last):
         about = rows.about[r]
-        summarize(rows.particles[r], rows.beliefs[r], about.x, about.y, about.heading, parameters[0])
+        summarize(rows.particles[r], rows.carried[r], rows.beliefs[r], about.x, about.y, about.heading, parameters[0])
 
 
 @dataclass
@@ -147,6 +151,7 @@ class ParticleFilter:
         self.rows = Rows(
             key=np.zeros(rows, KEY),
             particles=np.zeros((rows, belief.rows, belief.particles), np.float32),
+            carried=np.ones((rows, belief.carried), np.float32),
             beliefs=np.zeros(rows, BELIEF),
             listeners=np.zeros((rows, vehicles), LISTENER),
             about=np.zeros(rows, NAVIGATION),
@@ -331,6 +336,11 @@ class ParticleFilter:
     def particles(self) -> np.ndarray:
         """(R, 4 or 5, N) float32; the filter's own."""
         return self.rows.particles
+
+    @property
+    def weights(self) -> np.ndarray:
+        """(R, N) float32, with a mean of 1 in each row: all 1 unless the belief lets particles carry weights."""
+        return self.rows.carried if self.belief.carried else np.ones((self.tags.size, self.belief.particles), np.float32)
 
     @property
     def mean(self) -> np.ndarray:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.resample_loops import copy_row
 from tagtrack.envs.measurement import Status
 
 
@@ -18,6 +19,7 @@ class Past(NamedTuple):
     """The last K steps of one belief that hears of V vehicles; step s stands at place s modulo K."""
 
     particles: np.ndarray  # (K, 4 or 5, N) float32, before the step
+    carried: np.ndarray  # (K, N or 0) float32, before the step
     beliefs: np.ndarray  # (K,) BELIEF, before the step
     listeners: np.ndarray  # (K, V) LISTENER, before the step
     measurements: np.ndarray  # (K, V) MEASUREMENT of the step
@@ -35,26 +37,27 @@ def note_own(past, step, measurements, own, shares, pose):
 
 
 @compiled
-def keep(past, step, particles, beliefs, listeners):
+def keep(past, step, particles, carried, beliefs, listeners):
     """Remember the state before a step; the belief is the one of ``beliefs`` (1,)."""
     place = step % past.beliefs.shape[0]
     past.beliefs[place] = beliefs[0]
     copy_rows(past.particles[place], particles)
+    copy_row(carried, past.carried[place])
     for v in range(listeners.shape[0]):
         past.listeners[place, v] = listeners[v]
 
 
 @compiled
-def recall(past, tag, coming, time_step, mail, packets, letters, radio, particles, beliefs, listeners):
+def recall(past, tag, coming, time_step, mail, packets, letters, radio, particles, carried, beliefs, listeners):
     """Take up what has just come about a tag, and go back to before it was measured.
 
     Args:
-        past, particles, beliefs (1,), listeners: of the belief, which stands before the step ``coming``.
+        past, particles, carried, beliefs (1,), listeners: of the belief, which stands before the step ``coming``.
         mail: (V,) of what came from each vehicle 1 + its place among ``packets`` (V, D) and ``letters`` (V, D, M); 0: nothing.
     Returns:
         The first step that the belief must go through anew.
     """
-    keep(past, coming, particles, beliefs, listeners)
+    keep(past, coming, particles, carried, beliefs, listeners)
     for v in range(mail.shape[0]):
         past.measurements[coming % past.beliefs.shape[0], v].status = Status.ABSENT
     first = coming
@@ -72,6 +75,7 @@ def recall(past, tag, coming, time_step, mail, packets, letters, radio, particle
     if first < coming:
         place = first % past.beliefs.shape[0]
         copy_rows(particles, past.particles[place])
+        copy_row(past.carried[place], carried)
         beliefs[0] = past.beliefs[place]
         for v in range(listeners.shape[0]):
             listeners[v] = past.listeners[place, v]

@@ -14,7 +14,7 @@ import numpy as np
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import FULL_TURN
 from tagtrack.envs.kernels.random import PURPOSES, RECOVERY, uniform_pair
-from tagtrack.envs.kernels.resample_loops import total_weight
+from tagtrack.envs.kernels.resample_loops import restore_mean, total_weight
 from tagtrack.envs.validation import require, settle_numbers
 
 f32 = np.float32
@@ -59,23 +59,42 @@ def follow_likelihood(belief, weight, readings, recovery):
 
 
 @compiled
-def scatter_share(particles, share, x, y, stream, row, half_width):
+def first_moved(carried, count, stream, purpose):
+    """Where to begin when every n-th of N particles goes, ``count`` in all.
+
+    With the first where all were drawn anew. Particles that carry weights (N, or none) stay in their places from one correction
+    to the next, and the same ones must not go each time: then anywhere.
+    """
+    if carried.shape[0] == 0:
+        return 0
+    unit, _ = uniform_pair(stream, purpose, 2 * count)
+    return int(unit * carried.shape[0])
+
+
+@compiled
+def scatter_share(particles, carried, share, x, y, stream, row, half_width):
     """Replace a share of the particles by random ones: anywhere in a square about the vehicle at (x, y), on any heading.
 
-    Each keeps the speed of the one it replaces. Instead of a throw for each particle (Alg. 2, line 2) every n-th goes: children
-    of one parent lie side by side after resampling, so it takes from all alike.
+    Each keeps the speed of the one it replaces and, among particles that carry weights, takes the mean one. Instead of a throw
+    for each particle (Alg. 2, line 2) every n-th goes: children of one parent lie side by side after resampling, so it takes
+    from all alike.
     """
     count = int(share * particles.shape[1] + 0.5)
     own_x = f32(x)
     own_y = f32(y)
     width = f32(2.0 * half_width)
+    first = first_moved(carried, count, stream, RECOVERY + PURPOSES * row)
     for k in range(count):
-        i = k * particles.shape[1] // count
+        i = (first + k * particles.shape[1] // count) % particles.shape[1]
         right, up = uniform_pair(stream, RECOVERY + PURPOSES * row, 2 * k)
         turn, _ = uniform_pair(stream, RECOVERY + PURPOSES * row, 2 * k + 1)
         particles[0, i] = own_x + width * (f32(right) - f32(0.5))
         particles[1, i] = own_y + width * (f32(up) - f32(0.5))
         particles[2, i] = FULL_TURN * (f32(turn) - f32(0.5))
+        if carried.shape[0] > 0:
+            carried[i] = f32(1.0)
+    if count > 0:
+        restore_mean(carried)
 
 
 @compiled

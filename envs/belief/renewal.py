@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from tagtrack.envs.belief.recovery import first_moved
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.maths import sin_of_turns
 from tagtrack.envs.kernels.motion_loops import displace, scatter_on_annulus
@@ -25,8 +26,9 @@ from tagtrack.envs.kernels.random import (
     high_unit,
     uniform_pair,
 )
-from tagtrack.envs.kernels.resample_loops import total_weight
-from tagtrack.envs.kernels.summary_loops import mean_about, mean_of, spread_about, variance_about
+from tagtrack.envs.kernels.resample_loops import fill_row, restore_mean, total_weight
+from tagtrack.envs.kernels.summary_loops import mean_about, mean_of, spread_about, squares_about
+from tagtrack.envs.kernels.weighted_loops import weighted_mean_of, weighted_squares_about
 
 f32 = np.float32
 RING = 4.0  # half width of the ring of a range, in its standard deviations
@@ -45,11 +47,13 @@ def is_refuted(weight, readings, rule):
 
 
 @compiled
-def scatter_on_ring(particles, measurement, stream, row, rule, scratch):
+def scatter_on_ring(particles, carried, measurement, stream, row, rule, scratch):
     """A first range, or one that refutes the belief, says where particles must be: on a ring about the vehicle.
 
-    They are spread evenly across it, so that the weighing that follows gives them the range's own density.
+    They are spread evenly across it, so that the weighing that follows gives them the range's own density. What weights they
+    carried is forgotten.
     """
+    fill_row(carried, f32(1.0))
     fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
     width = RING * rule.ring_sigma / rule.ring_factor
     middle = measurement.readings[rule.ring_reading] / rule.ring_factor
@@ -63,14 +67,16 @@ def scatter_on_ring(particles, measurement, stream, row, rule, scratch):
 
 
 @compiled
-def renew(particles, belief, stream, row, rule):
+def renew(particles, carried, belief, stream, row, rule):
     """Compound resampling: every n-th particle moves to a random place about the last estimate, before all are weighed.
 
-    Children of one parent lie side by side after resampling: every n-th takes from all alike.
+    Children of one parent lie side by side after resampling: every n-th takes from all alike. Among particles that carry weights
+    the moved ones take the mean one.
     """
     count = int(rule.renewed_share * particles.shape[1])
+    first = first_moved(carried, count, stream, RENEWAL + PURPOSES * row)
     for k in range(count):
-        i = k * particles.shape[1] // count
+        i = (first + k * particles.shape[1] // count) % particles.shape[1]
         area, direction = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k)
         distance = f32(rule.renewed_radius) * np.sqrt(f32(area))
         turn = f32(direction) - f32(0.5)
@@ -79,6 +85,10 @@ def renew(particles, belief, stream, row, rule):
         if particles.shape[0] > 4:
             unit, _ = uniform_pair(stream, RENEWAL + PURPOSES * row, 2 * k + 1)
             particles[4, i] = rule.middle + rule.reach * (2.0 * unit - 1.0)
+        if carried.shape[0] > 0:
+            carried[i] = f32(1.0)
+    if count > 0:
+        restore_mean(carried)
 
 
 @compiled
@@ -128,8 +138,13 @@ def walk_estimated(values, stream, row, rule, scratch):
 
 
 @compiled
-def summarize_estimated(values, belief):
-    """Mean and standard deviation of the values."""
-    mean = mean_of(values)
+def summarize_estimated(values, carried, belief):
+    """Mean and standard deviation of the values, by their weights where they carry any."""
+    if carried.shape[0] > 0:
+        mean, total = weighted_mean_of(values, carried)
+        squares = weighted_squares_about(values, carried, mean)
+    else:
+        mean, total = mean_of(values), f32(values.shape[0])
+        squares = squares_about(values, mean)
     belief.estimated = mean
-    belief.estimated_spread = math.sqrt(variance_about(values, mean))
+    belief.estimated_spread = math.sqrt(squares / total)

@@ -1,7 +1,8 @@
 """One belief about one tag: begin, predict, weigh what was heard or surely missed, resample, recover (Clark et al. 2013, Alg. 1).
 
-Particles are rows: x, y, heading, speed and, where a belief estimates a number of its sensor, that number. ``listeners`` (V,)
-hold what each vehicle that tells the belief something remembers; ``measurements`` (V,) what each tells at this time.
+Particles are rows: x, y, heading, speed and, where a belief estimates a number of its sensor, that number. ``carried`` holds the
+weight that each carries since it was drawn, with a mean of 1; it has no places where every correction resamples. ``listeners``
+(V,) hold what each vehicle that tells the belief something remembers; ``measurements`` (V,) what each tells at this time.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from tagtrack.envs.belief.renewal import is_refuted, part_siblings, renew, scatt
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
-from tagtrack.envs.kernels.resample_loops import fill_row, heaviest, resample
+from tagtrack.envs.kernels.resample_loops import copy_row, fill_row, heaviest, normalize, resample
 from tagtrack.envs.measurement import Status
-from tagtrack.envs.motions.motion import start_swimming, swim
+from tagtrack.envs.motions.motion import start_swimming, swim, swim_by_weight
 from tagtrack.envs.sensors.sensor import weigh_at
 
 f32 = np.float32
@@ -64,7 +65,7 @@ def make_scratch(particles: int) -> Scratch:
 
 
 @compiled
-def begin_row(particles, belief, x, y, stream, row, rule, scratch):
+def begin_row(particles, carried, belief, x, y, stream, row, rule, scratch):
     """First particles: uniform in a square about the vehicle at (x, y), with random headings and speeds (4.1)."""
     fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
     if rule.farthest > 0.0:
@@ -73,6 +74,7 @@ def begin_row(particles, belief, x, y, stream, row, rule, scratch):
         scatter_uniformly(particles[0], particles[1], scratch.bits, f32(x), f32(y), f32(rule.half_width))
     fill_bits(stream, PREDICT + PURPOSES * row, scratch.bits)
     start_swimming(particles, scratch.bits, rule.calls.start, rule.motion[:])
+    fill_row(carried, f32(1.0))
     belief.velocity_x = 0.0
     belief.velocity_y = 0.0
     belief.best = 0
@@ -91,19 +93,14 @@ def begin_listeners(listeners, time, rule):
 
 
 @compiled
-def predict_row(particles, belief, listeners, stream, row, rule, time_step, scratch):
+def predict_row(particles, carried, belief, listeners, stream, row, rule, time_step, scratch):
     """Prediction (Alg. 1, lines 2-3), at every step, whether or not a ping was heard."""
-    step_x, step_y = swim(
-        particles,
-        stream,
-        PREDICT + PURPOSES * row,
-        scratch.bits,
-        scratch.normal_1,
-        scratch.normal_2,
-        rule.calls.choose,
-        rule.motion[:],
-        time_step,
-    )
+    bits, normal_1, normal_2 = scratch.bits, scratch.normal_1, scratch.normal_2
+    choose, motion, purpose = rule.calls.choose, rule.motion[:], PREDICT + PURPOSES * row
+    if carried.shape[0] > 0:
+        step_x, step_y = swim_by_weight(particles, carried, stream, purpose, bits, normal_1, normal_2, choose, motion, time_step)
+    else:
+        step_x, step_y = swim(particles, stream, purpose, bits, normal_1, normal_2, choose, motion, time_step)
     share = min(1.0, time_step / rule.velocity_memory)
     belief.velocity_x += share * (np.float64(step_x) / time_step - belief.velocity_x)
     belief.velocity_y += share * (np.float64(step_y) / time_step - belief.velocity_y)
@@ -113,7 +110,7 @@ def predict_row(particles, belief, listeners, stream, row, rule, time_step, scra
 
 
 @compiled
-def correct_row(particles, belief, measurements, listeners, stream, row, rule, scratch):
+def correct_row(particles, carried, belief, measurements, listeners, stream, row, rule, scratch):
     """Correction with what the vehicles tell (Alg. 1, lines 12-18), where they tell anything."""
     told = 0
     heard = 0
@@ -133,25 +130,25 @@ def correct_row(particles, belief, measurements, listeners, stream, row, rule, s
                 ringing = nearer_ring(measurements, ringing, v, rule)
     if told == 0:
         return
-    renew(particles, belief, stream, row, rule)
-    weigh_all(particles, measurements, listeners, rule, scratch)
+    renew(particles, carried, belief, stream, row, rule)
+    weigh_all(particles, carried, measurements, listeners, rule, scratch)
     ranged = rule.ring_reading >= 0 and heard > 0
     if ranged and (belief.corrections == 0 or is_refuted(scratch.weight, heard, rule)):
-        scatter_on_ring(particles, measurements[ringing], stream, row, rule, scratch)
-        weigh_all(particles, measurements, listeners, rule, scratch)
+        scatter_on_ring(particles, carried, measurements[ringing], stream, row, rule, scratch)
+        weigh_all(particles, carried, measurements, listeners, rule, scratch)
     share = follow_likelihood(belief, scratch.weight, told, rule.recovery) if rule.recovery.fast_rate > 0.0 else 0.0
     belief.corrections += 1
     offset, second_offset = uniform_pair(stream, RESAMPLE, row)
-    draw_by_weight(particles, belief, offset, rule, scratch)
-    if rule.jitter > 0.0:
+    drawn = draw_by_weight(particles, carried, belief, offset, rule, scratch)
+    if drawn and rule.jitter > 0.0:
         part_siblings(particles, belief, stream, row, rule, scratch)
-    if particles.shape[0] > 4:
+    if drawn and particles.shape[0] > 4:
         walk_estimated(particles[4], stream, row, rule, scratch)
     if rule.recovery.fast_rate > 0.0:
-        scatter_share(particles, share, measurements[last].x, measurements[last].y, stream, row, rule.half_width)
+        scatter_share(particles, carried, share, measurements[last].x, measurements[last].y, stream, row, rule.half_width)
         if wants_second_resampling(share, rule.recovery):  # Lin et al. 2013, Alg. 2, lines 9-16
-            weigh_all(particles, measurements, listeners, rule, scratch)
-            draw_by_weight(particles, belief, second_offset, rule, scratch)
+            weigh_all(particles, carried, measurements, listeners, rule, scratch)
+            draw_by_weight(particles, carried, belief, second_offset, rule, scratch)
 
 
 @compiled
@@ -178,9 +175,12 @@ def is_told(listener, rule):
 
 
 @compiled
-def weigh_all(particles, measurements, listeners, rule, scratch):
-    """The weights by what all vehicles tell."""
-    fill_row(scratch.weight, f32(1.0))
+def weigh_all(particles, carried, measurements, listeners, rule, scratch):
+    """The weights by what all vehicles tell, and by what the particles carry."""
+    if carried.shape[0] > 0:
+        copy_row(carried, scratch.weight)
+    else:
+        fill_row(scratch.weight, f32(1.0))
     for v in range(measurements.shape[0]):
         if measurements[v].status != Status.ABSENT and is_told(listeners[v], rule):
             weigh(particles, measurements[v], rule, scratch)
@@ -195,8 +195,17 @@ def weigh(particles, measurement, rule, scratch):
 
 
 @compiled
-def draw_by_weight(particles, belief, offset, rule, scratch):
-    """Resample, and keep hold of the particle that weighed most."""
+def draw_by_weight(particles, carried, belief, offset, rule, scratch):
+    """Resample, and keep hold of the particle that weighed most. Returns whether: or particles carry their weights on.
+
+    They do as long as the effective sample size, (sum of weights)^2 / (sum of their squares), is no less than the share of the
+    particles that the belief asks for.
+    """
     best = heaviest(scratch.weight) if rule.estimate == Estimate.BEST else 0
+    if carried.shape[0] > 0 and normalize(scratch.weight, carried) * rule.resample_below <= carried.shape[0]:
+        belief.best = best
+        return False
     if resample(particles, scratch.weight, scratch.fixed, scratch.parent, scratch.whole, offset):
         belief.best = min(scratch.fixed[best], particles.shape[1] - 1)
+        fill_row(carried, f32(1.0))
+    return True

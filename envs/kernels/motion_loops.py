@@ -74,6 +74,25 @@ def advance(x, y, heading, speed, time_step):
 
 
 @compiled
+def advance_by_weight(x, y, heading, speed, weight, time_step):
+    """As ``advance``, for a row of particles that carry weights (N,): the mean is weighted."""
+    sum_x = f32(0.0)
+    sum_y = f32(0.0)
+    total = f32(0.0)
+    for i in range(x.shape[0]):
+        turns = heading[i] * TURNS
+        length = speed[i] * time_step
+        step_x = length * sin_of_turns(f32(0.25) - abs(turns))
+        step_y = length * sin_of_turns(turns)
+        x[i] += step_x
+        y[i] += step_y
+        sum_x += weight[i] * step_x
+        sum_y += weight[i] * step_y
+        total += weight[i]
+    return sum_x / total, sum_y / total
+
+
+@compiled
 def displace(x, y, normal_1, normal_2, along, shared, own):
     """Add correlated normals: ``along`` times the first to x, ``shared`` times the first and ``own`` times the second to y."""
     for i in range(x.shape[0]):

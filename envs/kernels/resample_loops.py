@@ -90,6 +90,32 @@ def fill_row(target, value):
 
 
 @compiled
+def normalize(weight, target):
+    """Weights in ``target``, another row, with a mean of 1. Returns the sum of their squares, N / share of effective particles.
+
+    Where the sum of the weights is not within 1e-28 to 1e28, or NaN, nothing is written, and the return is NaN.
+    """
+    total = total_weight(weight)
+    if not (total > LEAST_TOTAL and total < LARGEST_TOTAL):
+        return f32(np.nan)
+    scale = f32(weight.shape[0]) / total
+    squares = f32(0.0)
+    for i in range(weight.shape[0]):
+        own = weight[i] * scale
+        target[i] = own
+        squares += own * own
+    return squares
+
+
+@compiled
+def restore_mean(weight):
+    """Give a row of weights, not all of them zero, a mean of 1 again."""
+    scale = f32(weight.shape[0]) / total_weight(weight)
+    for i in range(weight.shape[0]):
+        weight[i] *= scale
+
+
+@compiled
 def heaviest(weight):
     """Index of the largest weight (the first of equals)."""
     best = 0

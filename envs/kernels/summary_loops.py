@@ -11,7 +11,7 @@ f32 = np.float32
 
 @compiled
 def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
-    """Mean offset from a place (x, y) [m], and the share of particles to the left of a direction there: one pass for both."""
+    """Mean offset from a place (x, y) [m], and how many particles are to the left of a direction there: one pass for both."""
     sum_x = f32(0.0)
     sum_y = f32(0.0)
     left = f32(0.0)
@@ -22,7 +22,7 @@ def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
         sum_y += dy
         left += f32(1.0) if ahead_x * dy - ahead_y * dx > f32(0.0) else f32(0.0)
     count = f32(x.shape[0])
-    return sum_x / count, sum_y / count, left / count
+    return sum_x / count, sum_y / count, left
 
 
 @compiled
@@ -60,10 +60,10 @@ def mean_of(row):
 
 
 @compiled
-def variance_about(row, mean):
-    """Variance of a row about a mean."""
+def squares_about(row, mean):
+    """Sum of the squares of a row about a mean."""
     total = f32(0.0)
     for i in range(row.shape[0]):
         miss = row[i] - mean
         total += miss * miss
-    return total / f32(row.shape[0])
+    return total

@@ -26,7 +26,7 @@ from tagtrack.envs.kernels.calling import (
     word,
 )
 from tagtrack.envs.kernels.compiling import compiled
-from tagtrack.envs.kernels.motion_loops import advance
+from tagtrack.envs.kernels.motion_loops import advance, advance_by_weight
 from tagtrack.envs.kernels.random import fill_bits
 from tagtrack.envs.model import Model
 
@@ -116,3 +116,11 @@ def swim(particles, stream, purpose, bits, normal_1, normal_2, choose, parameter
     fill_bits(stream, purpose, bits)
     choose_at(choose)(particles[2], particles[3], bits, normal_1, normal_2, parameters, time_step)
     return advance(particles[0], particles[1], particles[2], particles[3], f32(time_step))
+
+
+@compiled
+def swim_by_weight(particles, weight, stream, purpose, bits, normal_1, normal_2, choose, parameters, time_step):
+    """As ``swim``, for a row of particles that carry weights (N,): the mean is weighted."""
+    fill_bits(stream, purpose, bits)
+    choose_at(choose)(particles[2], particles[3], bits, normal_1, normal_2, parameters, time_step)
+    return advance_by_weight(particles[0], particles[1], particles[2], particles[3], weight, f32(time_step))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from tagtrack.baselines.information import Information, expect_track
+from tagtrack.baselines.information import Information, draw_evenly, expect_track
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import tabulate_readings
 from tagtrack.envs.belief.assumptions import Belief
@@ -142,3 +142,26 @@ def presence_or_range(particles: list[tuple[float, float]], likelihood: np.ndarr
     chance = np.ones(1, np.float32)
     add_up_information(x, y, place, place, place + 1, place, none, none, chance, likelihood, entropy, True, information)
     return float(information[0, 0])
+
+
+def test_particles_that_carry_weights_are_drawn_by_them() -> None:
+    """A fifth of the sum to each of five: 0.1, 0.3 ... of it lie where counted by hand."""
+    np.testing.assert_array_equal(draw_evenly(np.ones((1, 10), np.float32), 5), [[1, 3, 5, 7, 9]])
+    np.testing.assert_array_equal(draw_evenly(np.array([[0.0, 6.0, 0.0, 3.5, 0.5]] * 2), 5), [[1, 1, 1, 3, 3]] * 2)
+    np.testing.assert_array_equal(draw_evenly(np.array([[0.0, 0.0, 2.0]]), 3), [[2, 2, 2]])
+
+
+def test_planner_does_not_look_at_particles_without_weight(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
+    """One mirror image weighs nothing, so that there is nothing to tell apart: the plan is that of the other alone."""
+    side = np.where(np.arange(64) % 2 == 0, 1.0, -1.0)
+    courses = []
+    for across, weight in ((side, side + 1.0), (1.0, 1.0), (side, 1.0)):
+        simulation = make_simulation(**{"belief.resample_below": 0.5})
+        simulation.reset(seed=0)
+        simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0)
+        simulation.worlds.particles[0, 0, 0, 0] = 30.0
+        simulation.worlds.particles[0, 0, 0, 1] = 30.0 * across
+        simulation.worlds.carried[0, 0, 0] = weight
+        action, _ = Information(simulation=simulation).predict(sight(distance=30.0))
+        courses.append(float(course_of(action)[0]))
+    assert courses[0] == courses[1] != courses[2]

@@ -269,7 +269,7 @@ def test_far_beyond_the_reach_nothing_is_heard_and_the_last_reading_stays_missin
     for _ in range(10):
         simulation.step(np.zeros((4, 1, 3)))
     assert np.isnan(simulation.worlds.measurements["readings"]).all()
-    assert np.isnan(simulation.worlds.listeners["readings"]).all()
+    assert np.isnan(simulation.listeners["readings"]).all()
 
 
 @pytest.mark.parametrize(("share", "always"), [(0.0, False), (1.0, True)])
@@ -334,7 +334,7 @@ def test_silence_counts_the_time_since_the_last_signal():
     for _ in range(120):
         simulation.step(np.zeros((100, 1, 3)))
         silence = np.where(simulation.detected[:, 0, 0], 0.0, silence + 1.0)
-        np.testing.assert_array_equal(simulation.worlds.listeners["silence"][:, 0, 0], silence)
+        np.testing.assert_array_equal(simulation.listeners["silence"][:, 0, 0], silence)
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_filter_fed_with_a_worlds_measurements_is_its_belief(name: str, threads:
             belief.correct(simulation.worlds.measurements[:, :, 0])
             assert belief.particles.tobytes() == simulation.worlds.particles[:, 0, 0].tobytes()
             assert belief.summary.tobytes() == simulation.worlds.beliefs[:, 0, 0].tobytes()
-            assert belief.listeners.tobytes() == simulation.worlds.listeners[:, :, 0].tobytes()
+            assert belief.listeners.tobytes() == simulation.listeners[:, :, 0].tobytes()
         np.testing.assert_array_equal(belief.estimate, simulation.estimate[:, 0, 0])
         np.testing.assert_array_equal(belief.covariance, simulation.covariance[:, 0, 0])
     assert (simulation.worlds.beliefs["corrections"] > 5).any()

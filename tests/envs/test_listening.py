@@ -183,7 +183,7 @@ def test_once_heard_a_tag_of_a_fixed_period_is_missed_exactly_when_its_pings_are
     ever, missed_pings = np.zeros(100, bool), 0
     for _ in range(150):
         simulation.step(rest)
-        truth, listener = simulation.worlds.encounters[:, 0, 0], simulation.worlds.listeners[:, 0, 0]
+        truth, listener = simulation.worlds.encounters[:, 0, 0], simulation.listeners[:, 0, 0]
         missed = listener["status"] == int(Status.MISSED)
         np.testing.assert_array_equal(missed[ever], (truth["pinged"] & ~truth["heard"])[ever])
         ever |= truth["heard"]
@@ -203,4 +203,4 @@ def test_silence_and_shares_of_a_roll_out_follow_from_its_measurements(env_id: s
         simulation.step(np.full((1, 1, 2), 0.5, np.float32))
         belief.predict(scenario.time_step)
         belief.correct(simulation.worlds.measurements[0, 0])
-        assert belief.listeners[0].tobytes() == simulation.worlds.listeners[0, :, 0].tobytes()
+        assert belief.listeners[0].tobytes() == simulation.listeners[0, :, 0].tobytes()

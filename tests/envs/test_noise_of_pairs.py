@@ -47,7 +47,7 @@ def sail(scenario: Scenario, threads: int = 1) -> dict[str, list[bytes]]:
             "fish": worlds.fish[:, 0],
             "encounter": worlds.encounters[:, 0, 0],
             "measurement": worlds.measurements[:, 0, 0],
-            "listener": worlds.listeners[:, 0, 0],
+            "listener": simulation.listeners[:, 0, 0],
             "particles": worlds.particles[:, 0, 0],
             "belief": worlds.beliefs[:, 0, 0],
         }

@@ -19,6 +19,7 @@ from tagtrack.envs.simulation import Simulation
 TASK = SCENARIOS["TagTrack/TimeOfFlight-v0"]
 RECOVERY = "belief.recovery.second_resampling"
 STREAM = (np.uint64(7), np.uint64(0), np.uint64(0), np.uint64(4))
+NONE_CARRIED = np.zeros(0, np.float32)  # every correction resamples
 RATES = Recovery(slow_rate=0.05, fast_rate=0.4)
 
 
@@ -53,7 +54,7 @@ def test_readings_of_several_vehicles_count_as_their_geometric_mean() -> None:
 
 def test_random_particles_fill_the_square_of_the_start_and_are_taken_from_all_alike() -> None:
     particles = np.zeros((4, 40_000), np.float32)
-    scatter_share(particles, 0.1, 1000.0, -500.0, STREAM, 0, 100.0)
+    scatter_share(particles, NONE_CARRIED, 0.1, 1000.0, -500.0, STREAM, 0, 100.0)
     moved = np.flatnonzero(particles[0])
     assert moved.size == 4000 and set(np.diff(moved)) == {10}
     for row, low, width in ((0, 900.0, 200.0), (1, -600.0, 200.0), (2, -np.pi, 2.0 * np.pi)):

@@ -18,6 +18,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
 
 STREAM = (np.uint64(7), np.uint64(0), np.uint64(0), np.uint64(4))
+NONE_CARRIED = np.zeros(0, np.float32)  # every correction resamples
 RANGING = Belief(particles=40_000, receiver=RangeReceiver(range_sigma=6.0), renewed_share=0.015, renewed_radius=300.0)
 RULE = to_record(filter_rule(RANGING, Tag(period=10.0)))[0]
 
@@ -26,7 +27,7 @@ def test_compound_resampling_moves_its_share_to_a_disc_about_the_estimate_and_ta
     belief = np.zeros(1, BELIEF)
     belief["estimate_x"], belief["estimate_y"] = 1000.0, -500.0
     particles = np.zeros((4, RANGING.particles), np.float32)
-    renew(particles, belief[0], STREAM, 0, RULE)
+    renew(particles, NONE_CARRIED, belief[0], STREAM, 0, RULE)
     moved = np.flatnonzero(particles[0])
     assert moved.size == 600 and set(np.diff(moved)) <= {66, 67}  # 1.5 % of 40,000, every 66.7th
     distance = np.hypot(particles[0, moved] - 1000.0, particles[1, moved] + 500.0)
@@ -41,7 +42,7 @@ def test_ring_of_a_range_lies_where_a_fish_of_that_depth_can_be(slant_range: flo
     """Every slant range within four sigmas of the reading, none shorter than the depth, in all directions, all finite."""
     told = measurement(time=0.0, x=80.0, y=0.0, depth=depth, readings=[slant_range])
     particles = np.zeros((4, RANGING.particles), np.float32)
-    scatter_on_ring(particles, told[0], STREAM, 0, RULE, make_scratch(RANGING.particles))
+    scatter_on_ring(particles, NONE_CARRIED, told[0], STREAM, 0, RULE, make_scratch(RANGING.particles))
     slant = np.sqrt((particles[0].astype(float) - 80.0) ** 2 + particles[1].astype(float) ** 2 + depth**2)
     assert np.isfinite(particles).all()
     least, largest = max(slant_range - 24.0, depth), max(slant_range + 24.0, depth + 24.0)

@@ -116,7 +116,7 @@ def test_listener_keeps_the_range_heard_before() -> None:
         simulation.step(np.zeros((5, 1, 2), np.float32))
         for world in np.flatnonzero(simulation.detected[:, 0, 0]):
             heard[world].append(float(simulation.worlds.measurements["readings"][world, 0, 0, SLANT_RANGE]))
-            listener = simulation.worlds.listeners[world, 0, 0]
+            listener = simulation.listeners[world, 0, 0]
             kept = [listener[name][SLANT_RANGE] for name in ("previous", "readings")]
             np.testing.assert_array_equal(kept, heard[world][-2:])
     assert min(len(each) for each in heard) > 3  # each world's first has none before it

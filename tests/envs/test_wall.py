@@ -100,7 +100,7 @@ def test_belief_and_observation_are_the_same_whatever_the_truth_is_behind_the_wa
         believe(spoilt)
         restore(spoilt, kept)
         assert_same(untouched, spoilt)
-    assert untouched.detected.any() or untouched.worlds.listeners["heard_long"].max() != 0.5
+    assert untouched.detected.any() or untouched.listeners["heard_long"].max() != 0.5
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -134,5 +134,5 @@ def test_what_does_pass_through_the_wall_shows(name: str) -> None:
 
 def test_truth_is_all_that_neither_navigation_nor_a_measurement_nor_the_belief_is() -> None:
     """A new array of a world must be put on one side."""
-    own = {"clock", "navigation", "measurements", "beliefs", "particles", "listeners", "outlooks"}
+    own = {"clock", "navigation", "measurements", "beliefs", "particles", "carried", "listeners", "outlooks"}
     assert set(begin(FLEET).worlds._fields) == {*TRUTH, *own}
