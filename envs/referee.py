@@ -52,8 +52,12 @@ def sum_up(b, v, p, worlds, error, outcome):
         outcome.spread += math.sqrt(belief.xx + belief.yy) / tags
         outcome.range = min(outcome.range, worlds.encounters[b, v, t].range)
         outcome.heard += worlds.encounters[b, v, t].heard
-    outcome.separation = separation_of(worlds.vehicles[b], worlds.navigation[b], v)
-    outcome.encroachments = worlds.vehicles[b, v].encroachments
+    was_close = worlds.clock[b].step > 0 and outcome.separation < p.least_separation
+    outcome.separation = separation_of(worlds.vehicles[b], worlds.navigation[b], v) if worlds.navigation[b, v].active else np.inf
+    if worlds.clock[b].step == 0:
+        outcome.encroachments = 0.0
+    if outcome.separation < p.least_separation and not was_close:
+        outcome.encroachments += 1.0
     outcome.messages = worlds.radios[b, v].sent_now
 
 

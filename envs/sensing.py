@@ -15,7 +15,7 @@ from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import is_destroyed, listen, meet, open_encounter
 from tagtrack.envs.sim.modem import open_radio
 from tagtrack.envs.sim.tags import ping_within, start_pinging
-from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back, watch_separation
+from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back
 
 
 @compiled
@@ -34,7 +34,6 @@ def begin_truth(b, p, tracks, places, worlds, scratch):
             open_encounter(encounter, stream, place_of(v, t), p.water, p.clock_sigma)
             meet(encounter, worlds.vehicles[b, v], target, np.float64(fish[0, 0]), np.float64(fish[1, 0]), p.tag.period)
             worlds.measurements[b, v, t].status = Status.ABSENT
-    watch_separation(worlds.vehicles[b], worlds.navigation[b], p.least_separation)
 
 
 @compiled
@@ -91,7 +90,6 @@ def steer_vehicles(b, p, actions, worlds, stream):
         course, speed = turn_back(navigation, course, speed, p.vehicle)
         hold_course(vehicle, navigation, course, speed, stream, v, p.vehicle, p.time_step)
         draw_power(vehicle, navigation, p.vehicle, p.time_step)
-    watch_separation(worlds.vehicles[b], worlds.navigation[b], p.least_separation)
 
 
 @compiled

@@ -60,7 +60,7 @@ class Vehicle:
 
 # The truth about one vehicle: place [m], heading [rad], speed through the water [m/s], the course it is told to hold, the time
 # since its last fix [s], the episode's random current [m/s] and the bias of its compass [rad]; the energy that is left and that
-# it began with [J]; whether it had left before this step, whether it is too near another one, and how often it came to be.
+# it began with [J], and whether it had left before this step.
 VEHICLE = np.dtype(
     [
         (name, np.float64)
@@ -68,7 +68,7 @@ VEHICLE = np.dtype(
             "x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias", "energy", "charge",
         )
     ]
-    + [("gone", np.bool_), ("close", np.bool_), ("encroachments", np.int64)]
+    + [("gone", np.bool_)]
 )  # fmt: skip
 
 
@@ -99,8 +99,6 @@ def launch(vehicle, navigation, x, y, stream, index, parameters):
     vehicle.charge = 3600.0 * parameters.battery * (1.0 + parameters.battery_spread * (2.0 * more - 1.0))
     vehicle.energy = vehicle.charge
     vehicle.gone = False
-    vehicle.close = False
-    vehicle.encroachments = 0
     navigation.battery = 1.0
     navigation.active = True
 
@@ -121,16 +119,6 @@ def draw_power(vehicle, navigation, parameters, time_step):
         vehicle.energy -= (parameters.hotel_power + parameters.drive_power * share * share * share) * time_step
         navigation.battery = max(vehicle.energy, 0.0) / vehicle.charge
         navigation.active = vehicle.energy > 0.0
-
-
-@compiled
-def watch_separation(vehicles, navigation, least):
-    """Count how often vehicles that take part come nearer one another than ``least`` [m]."""
-    for v in range(vehicles.shape[0]):
-        was_close = vehicles[v].close
-        vehicles[v].close = navigation[v].active and separation_of(vehicles, navigation, v) < least
-        if vehicles[v].close and not was_close:
-            vehicles[v].encroachments += 1
 
 
 @compiled

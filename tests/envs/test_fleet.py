@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tagtrack.envs.layout import OWN_FEATURES, features, tag_features
+from tagtrack.envs.layout import OWN_FEATURES, features, mate_features, tag_features
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.modem import Modem, NoModem, PerfectModem
@@ -39,7 +39,8 @@ def sail(simulation: Simulation, steps: int) -> np.ndarray:
 def test_every_array_has_the_axes_worlds_vehicles_owners_tags(modem: Modem, owners: int) -> None:
     simulation = fleet(modem=modem)
     sail(simulation, 5)
-    size = TAGS * len(tag_features(simulation.scenario)) + len(OWN_FEATURES)
+    scenario = simulation.scenario
+    size = TAGS * len(tag_features(scenario)) + (VEHICLES - 1) * len(mate_features(scenario)) + len(OWN_FEATURES)
     assert simulation.observation.shape == (WORLDS, VEHICLES, size) and len(features(simulation.scenario)) == size
     assert simulation.reward.shape == (WORLDS, VEHICLES)
     assert simulation.error.shape == (WORLDS, owners, TAGS)
