@@ -73,7 +73,7 @@ def test_state_is_all_observations_and_entities_are_found_in_them() -> None:
     np.testing.assert_array_equal(fleet.state(), np.concatenate(list(observations.values())))
     parts = split_observation(observations["auv_1"], fleet.simulation.scenario)
     names = [feature.name for feature in features(fleet.simulation.scenario)]
-    assert parts["own"].shape == (3,) and parts["tags"].shape == (3, 18) and parts["tag_mask"].all()
+    assert parts["own"].shape == (3,) and parts["tags"].shape == (3, 19) and parts["tag_mask"].all()
     assert parts["tags"][2, 0] == observations["auv_1"][names.index("tag_2.distance")]
     assert parts["own"][0] == observations["auv_1"][names.index("heading_cos")]
 
