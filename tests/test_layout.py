@@ -46,7 +46,7 @@ FLOORS = (
     ("layout", "observation", "overrides", "presets"),
     ("world", "world_rule"),
     ("simulation",),
-    ("task", "legend", "spaces"),
+    ("task", "legend", "spaces", "telling"),
     ("rendering",),
     ("single", "vector", "parallel"),
     ("time_of_flight", "range_only", "area_only"),
