@@ -67,9 +67,9 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     ## Messages, batteries, arena, bursts
 
-    * ``modem="perfect"``: one belief for all, of all that any vehicle hears. ``"none"``: each has its own and knows nothing of the
-      others. ``"tdma"``: each has its own, and packets of pose and measurements travel in turn, at the speed of sound, and may be
-      lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
+    * ``modem="perfect"``: one belief for all, of all that any vehicle hears. ``"none"``: each has its own and knows nothing of
+      the others. ``"tdma"``: each has its own, and packets of pose and measurements travel in turn, at the speed of sound, and
+      may be lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
     * ``vehicle.battery`` [Wh] above 0: a vehicle whose battery is empty leaves.
     * ``vehicle.arena`` [m] above 0: a vehicle farther from the origin turns back of itself, whatever its action says.
     * ``tag.burst`` [s] above 0: pings that come to a vehicle at once destroy one another.
@@ -81,9 +81,9 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     ## Info
 
-    Of each agent ``localization_error`` (mean over the tags) [m], ``range`` to the nearest fish and ``separation`` from the nearest
-    other vehicle that takes part, infinite without one [m], ``encroachments``: how often in the episode it came nearer than
-    ``reward.least_separation`` to another one, ``detected``: how many tags it heard in this step, ``messages`` sent and
+    Of each agent ``localization_error`` (mean over the tags) [m], ``range`` to the nearest fish and ``separation`` from the
+    nearest other vehicle that takes part, infinite without one [m], ``encroachments``: how often in the episode it came nearer
+    than ``reward.least_separation`` to another one, ``detected``: how many tags it heard in this step, ``messages`` sent and
     ``received`` in the episode, and ``battery``, the share that is left, where there is one.
 
     Args:

@@ -13,6 +13,7 @@ import numpy as np
 from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
+from tagtrack.envs.rewards.term import OUTCOME
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.task import Task, TaskOptions, build_task
@@ -26,6 +27,7 @@ HEARD = int(Status.HEARD)
 _FIELDS = list(BELIEF.names or ())
 MEANS = slice(_FIELDS.index("mean_x"), _FIELDS.index("mean_y") + 1)  # places in a belief's record
 SPREADS = slice(_FIELDS.index("xx"), _FIELDS.index("xy") + 1)
+ERROR, RANGE = (list(OUTCOME.names or ()).index(name) for name in ("error", "range"))  # places in an outcome
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -158,10 +160,11 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.action_space = team_space(action_space(task.scenario), vehicles)
         self._is_lone = vehicles == 1 and task.scenario.targets == 1 and task.scenario.vehicle.battery == 0
         self._own = (0, 0) if vehicles == 1 else (0,)  # where the world's rows are in the simulation's arrays
+        self._lifted = (np.newaxis,) * len(self._own)
         self._terms = task.scenario.reward.names
-        worlds = self.simulation.worlds  # kept, for looking them up costs
-        self._belief, self._error = worlds.beliefs, self.simulation.outputs.error
-        self._range, self._status = worlds.encounters["range"], worlds.measurements["status"]
+        # Kept, for looking them up costs; whole arrays, for a copy of a view would be cut off from the copied simulation.
+        self._beliefs, self._measurements = self.simulation.worlds.beliefs, self.simulation.worlds.measurements
+        self._outputs = self.simulation.outputs
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -173,17 +176,17 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.simulation.reset(seed)
         self._begun = True
         self._show()
-        return self.simulation.observation[self._own].copy(), self._info()
+        return self._outputs.observation[self._own].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Steer for one time step (see the class)."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
         simulation = self.simulation
-        simulation.step(np.asarray(action, np.float32)[(np.newaxis,) * len(self._own)])
+        simulation.step(np.asarray(action, np.float32)[self._lifted])
         info = self._info()
         if self._is_lone:
-            terms = simulation.outputs.terms[0, 0]
+            terms = self._outputs.terms[0, 0]
             info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
             reward, terminated = float(np.add.reduce(terms)), False
         else:
@@ -191,17 +194,17 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             reward, terminated = float(team_reward(simulation)[0]), bool(all_have_left(simulation)[0])
         truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
         self._show()
-        return simulation.observation[self._own].copy(), reward, terminated, truncated, info
+        return self._outputs.observation[self._own].copy(), reward, terminated, truncated, info
 
     def _info(self) -> dict[str, Any]:
         if not self._is_lone:
             return {name: _plain(values[0]) for name, values in tell(self.simulation).items()}
-        belief = self._belief.item()
+        belief, outcome = self._beliefs.item(), self._outputs.outcomes.item()
         xx, yy, xy = belief[SPREADS]
         return {
-            "localization_error": self._error.item(),
-            "range": self._range.item(),
-            "detected": self._status.item() == HEARD,
+            "localization_error": outcome[ERROR],
+            "range": outcome[RANGE],
+            "detected": self._measurements["status"].item() == HEARD,
             "belief_mean": np.array(belief[MEANS]),
             "belief_covariance": np.array(((xx, xy), (xy, yy))),
         }
