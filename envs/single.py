@@ -13,7 +13,6 @@ import numpy as np
 from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
-from tagtrack.envs.rewards.term import OUTCOME
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.task import Task, TaskOptions, build_task
@@ -27,7 +26,6 @@ HEARD = int(Status.HEARD)
 _FIELDS = list(BELIEF.names or ())
 MEANS = slice(_FIELDS.index("mean_x"), _FIELDS.index("mean_y") + 1)  # places in a belief's record
 SPREADS = slice(_FIELDS.index("xx"), _FIELDS.index("xy") + 1)
-ERROR, RANGE = (list(OUTCOME.names or ()).index(name) for name in ("error", "range"))  # places in an outcome
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -163,8 +161,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._lifted = (np.newaxis,) * len(self._own)
         self._terms = task.scenario.reward.names
         # Kept, for looking them up costs; whole arrays, for a copy of a view would be cut off from the copied simulation.
-        self._beliefs, self._measurements = self.simulation.worlds.beliefs, self.simulation.worlds.measurements
-        self._outputs = self.simulation.outputs
+        worlds, self._outputs = self.simulation.worlds, self.simulation.outputs
+        self._beliefs, self._encounters, self._measurements = worlds.beliefs, worlds.encounters, worlds.measurements
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -199,11 +197,11 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _info(self) -> dict[str, Any]:
         if not self._is_lone:
             return {name: _plain(values[0]) for name, values in tell(self.simulation).items()}
-        belief, outcome = self._beliefs.item(), self._outputs.outcomes.item()
+        belief = self._beliefs.item()
         xx, yy, xy = belief[SPREADS]
         return {
-            "localization_error": outcome[ERROR],
-            "range": outcome[RANGE],
+            "localization_error": self._outputs.error.item(),
+            "range": self._encounters["range"].item(),
             "detected": self._measurements["status"].item() == HEARD,
             "belief_mean": np.array(belief[MEANS]),
             "belief_covariance": np.array(((xx, xy), (xy, yy))),
