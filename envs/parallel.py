@@ -17,6 +17,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import LARGEST_DRAWN_SEED
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
+from tagtrack.envs.telling import tell_vehicles
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -25,27 +26,65 @@ if TYPE_CHECKING:
 class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """Several AUVs track one or several tagged fish of one of the suite's tasks.
 
-    Agents are ``auv_0``, ``auv_1`` ...; all stay to the end, which comes to all at once. With one vehicle and one tag it is
-    ``TagTrackEnv`` bit for bit, and whatever one more vehicle or tag does, the fish, pings and readings of the others stay.
+    Agents are ``auv_0``, ``auv_1`` ... With one vehicle and one tag it is ``TagTrackEnv`` bit for bit, and whatever one more
+    vehicle or tag does, the fish, pings and readings of the others stay.
 
     ## Observation
 
-    Of each agent a ``Box(D,)`` float32: the block of each tag, ``tag_0.distance`` ..., then its own, ``heading_cos`` ...; with
-    one tag the layout is that of the task's Gymnasium environment (see there). ``tagtrack.envs.layout.features(scenario)`` lists
-    names, meanings and ranges, ``split_observation`` takes an observation apart by entities. ``state()`` is all agents'
-    observations, one after the other.
+    Of each agent a ``Box(D,)`` float32, what this vehicle knows and nothing else, block after block:
+
+    * a row of features for each tag, ``tag_0.distance`` ..., as in the task's Gymnasium environment, and with teammates one more,
+      ``mate_log_distance``: how near the nearest known teammate is to this tag's estimate;
+    * a row for each teammate by its number, itself left out, ``mate_0.known`` ...: whether anything is known of it, how old that
+      is (``log_age``), and where it was then, relative to the own place and heading. All 0 where nothing is known;
+    * the vehicle itself, ``heading_cos`` ...; also ``battery``, ``slot_phase`` and ``waiting`` (modem), ``border``,
+      ``inward_cos`` and ``inward_sin`` (arena), each where there is one.
+
+    ``tagtrack.envs.layout.features(scenario)`` lists names, meanings and ranges; ``split_observation(observation, scenario)``
+    gives ``own``, ``tags`` and ``mates`` as sets with ``tag_mask`` and ``mate_mask``. ``state()`` is the observations of all
+    possible agents, one after the other, zeros for those that have left; its length never changes.
 
     ## Action
 
-    Of each agent a ``Box`` as in the task's Gymnasium environment: a course and, where the scenario lets it vary, the speed. The
-    course is relative to the line to the estimate where there is one tag, to the vehicle's own heading where there are several
-    (``overrides={"steer_by": "line"}`` or ``"heading"``).
+    Of each agent a ``Box(A,)`` float32 in [-1, 1]:
 
-    ## Reward, ending, info
+    | name | meaning | where |
+    |---|---|---|
+    | ahead, port | the desired course as a vector, of which only the direction counts; (0, 0) is straight on | always |
+    | speed | from rest (-1) to full speed (1) | ``speed_control`` |
+    | tag_0, tag_1 ... | the largest one says which tag's line the course is relative to | ``steer_by="chosen"`` |
+    | message | above 0: send in the next own slot | ``message_control`` |
 
-    As in the task's Gymnasium environment, to each agent its own; the localization error is the mean over the tags. The infos
-    hold ``localization_error`` (mean over the tags), ``range`` to the nearest fish, ``separation`` from the nearest other vehicle
-    (infinite alone) [m] and ``detected``, how many tags were heard at this step. All agents are truncated together.
+    The course is relative to the line from the vehicle to the estimate where there is one tag, to the vehicle's own heading where
+    there are several; ``overrides={"steer_by": "line"}``, ``"heading"`` or ``"chosen"`` decides otherwise.
+
+    ## Reward
+
+    To each agent its own, as in the task's Gymnasium environment; the localization error is the mean over the tags, or the worst
+    one's (``reward.over_tags="worst"``). ``reward.separation`` is the weight of coming nearer to another vehicle than
+    ``reward.least_separation``, ``reward.message`` the price of a message; ``reward.shared=True`` gives everybody the mean over
+    those that take part.
+
+    ## Messages, batteries, arena, bursts
+
+    * ``modem="perfect"``: one belief for all, of all that any vehicle hears. ``"none"``: each has its own and knows nothing of
+      the others. ``"tdma"``: each has its own, and packets of pose and measurements travel in turn, at the speed of sound, and
+      may be lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
+    * ``vehicle.battery`` [Wh] above 0: a vehicle whose battery is empty leaves.
+    * ``vehicle.arena`` [m] above 0: a vehicle farther from the origin turns back of itself, whatever its action says.
+    * ``tag.burst`` [s] above 0: pings that come to a vehicle at once destroy one another.
+
+    ## Ending
+
+    An agent whose battery is empty is terminated in that step, with its last reward and info and an observation of zeros;
+    afterwards it is no longer among ``agents`` and takes no action. All that are left are truncated after ``max_cycles``.
+
+    ## Info
+
+    Of each agent ``localization_error`` (mean over the tags) [m], ``range`` to the nearest fish and ``separation`` from the
+    nearest other vehicle that takes part, infinite without one [m], ``encroachments``: how often in the episode it came nearer
+    than ``reward.least_separation`` to another one, ``detected``: how many tags it heard in this step, ``messages`` sent and
+    ``received`` in the episode, and ``battery``, the share that is left, where there is one.
 
     Args:
         env_id: of ours, or one that somebody registered; or a ``Task``.
@@ -83,6 +122,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.render_mode = render_mode
         self.simulation = Simulation(task.scenario, tracks=task.tracks)
         self.possible_agents = [f"auv_{v}" for v in range(task.scenario.vehicles)]
+        self._places = {agent: v for v, agent in enumerate(self.possible_agents)}
         self.agents: list[str] = []
         self.max_cycles = episode_limit(task.scenario, max_cycles)
         self.observation_spaces = {agent: observation_space(task.scenario) for agent in self.possible_agents}
@@ -118,44 +158,50 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     ) -> tuple[
         dict[str, np.ndarray], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
-        """Steer all vehicles for one time step.
+        """Steer all agents for one time step.
 
         Raises:
-            ValueError: where an agent has no action, or somebody has one who is no agent.
+            ValueError: where an agent has no action, or somebody has one who is no agent or has left.
         """
+        simulation, agents = self.simulation, self.agents
+        simulation.step(self._gather(actions)[np.newaxis])
+        places = [self._places[agent] for agent in agents]
+        reward, active = simulation.reward[0], simulation.worlds.navigation["active"][0]
+        ended = bool(simulation.worlds.clock["step"][0] >= self.max_cycles)
+        observations, infos = self._observations(), self._infos()
+        rewards = {agent: float(reward[v]) for agent, v in zip(agents, places, strict=True)}
+        terminations = {agent: not active[v] for agent, v in zip(agents, places, strict=True)}
+        self._show()
+        self.agents = [] if ended else [agent for agent in agents if not terminations[agent]]
+        return observations, rewards, terminations, dict.fromkeys(agents, ended), infos
+
+    def _gather(self, actions: dict[str, np.ndarray]) -> np.ndarray:
+        """(V, A) actions of all vehicles; those that have left rest."""
         if not self._begun:
             raise ResetNeeded("call reset before step")
         if not self.agents:
             raise ResetNeeded("the episode has ended; call reset")
-        if set(actions) != set(self.agents):
-            missing, strange = sorted(set(self.agents) - set(actions)), sorted(set(actions) - set(self.agents))
-            what = f"no action for {missing[0]}" if missing else f"an action for {strange[0]!r}"
-            raise ValueError(f"{what}: the agents are {', '.join(self.agents)}")
-        simulation = self.simulation
-        simulation.step(np.stack([np.asarray(actions[agent], np.float32) for agent in self.possible_agents])[np.newaxis])
-        rewards = dict(zip(self.agents, simulation.reward[0].tolist(), strict=True))
-        ended = bool(simulation.worlds.clock["step"][0] >= self.max_cycles)
-        observations, infos = self._observations(), self._infos()
-        terminations, truncations = dict.fromkeys(self.agents, False), dict.fromkeys(self.agents, ended)
-        self._show()
-        if ended:
-            self.agents = []
-        return observations, rewards, terminations, truncations, infos
+        present = ", ".join(self.agents)
+        for agent in self.agents:
+            if agent not in actions:
+                raise ValueError(f"no action for {agent}: the agents are {present}")
+        for agent in actions:
+            if agent not in self.agents:
+                left = f" has left, its battery is empty; agents are still {present}"
+                raise ValueError(f"an action for {agent!r}{left if agent in self._places else f': the agents are {present}'}")
+        rest = np.zeros(self.action_spaces[self.possible_agents[0]].shape, np.float32)
+        return np.stack([np.asarray(actions.get(agent, rest), np.float32) for agent in self.possible_agents])
 
     def state(self) -> np.ndarray:
-        """(V * D,) float32: the observations of all vehicles."""
+        """(V * D,) float32: the observations of all possible agents, zeros for those that have left."""
         return self.simulation.observation[0].ravel().copy()
 
     def _observations(self) -> dict[str, np.ndarray]:
-        return {agent: self.simulation.observation[0, v].copy() for v, agent in enumerate(self.agents)}
+        return {agent: self.simulation.observation[0, self._places[agent]].copy() for agent in self.agents}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        outcomes = self.simulation.outputs.outcomes[0]
-        names = {"localization_error": "error", "range": "range", "separation": "separation"}
-        return {
-            agent: {name: float(outcomes[v][own]) for name, own in names.items()} | {"detected": int(outcomes[v]["heard"])}
-            for v, agent in enumerate(self.agents)
-        }
+        told = {name: values[0].tolist() for name, values in tell_vehicles(self.simulation).items()}
+        return {agent: {name: values[self._places[agent]] for name, values in told.items()} for agent in self.agents}
 
     def _show(self) -> None:
         if self._picture is not None:

@@ -1,4 +1,7 @@
-"""The Gymnasium environment: one world, one vehicle, one tagged fish. The world itself is in ``simulation.py``."""
+"""The Gymnasium environment: one world, steered by one action. The world itself is in ``simulation.py``.
+
+One vehicle and one tag is the rule, and has its own quick way to the info; several vehicles are steered together.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from tagtrack.envs.belief.row import BELIEF
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.spaces import action_space, observation_space
-from tagtrack.envs.task import Task, TaskOptions, build_task, require_single
+from tagtrack.envs.spaces import action_space, observation_space, team_space
+from tagtrack.envs.task import Task, TaskOptions, build_task
+from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -85,13 +89,28 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Ending
 
-    An episode never terminates. It is truncated after the scenario's ``episode_steps`` (300), or earlier, after as many
-    steps as ``gym.make``'s ``max_episode_steps`` says; longer ones are made by ``overrides={"episode_steps": 600}``.
+    An episode terminates when the battery is empty, where there is one (``vehicle.battery``). It is truncated
+    after the scenario's ``episode_steps`` (300), or earlier, after as many steps as ``gym.make``'s ``max_episode_steps`` says;
+    longer ones are made by ``overrides={"episode_steps": 600}``.
 
     ## Info
 
     ``localization_error`` [m], ``range`` from vehicle to fish [m], ``detected`` (a usable signal came in at this step),
-    ``belief_mean`` (2,) [m], ``belief_covariance`` (2, 2) [m^2], and after a step ``reward_terms``.
+    ``belief_mean`` (2,) [m], ``belief_covariance`` (2, 2) [m^2], ``battery`` (the share that is left, where there is one), and
+    after a step ``reward_terms``.
+
+    ## Several tags, several vehicles
+
+    With ``tags=T`` the observation holds a row for each tag, and courses are relative to the vehicle's own heading
+    (``overrides={"steer_by": "chosen"}``: to the line to a tag that the action chooses). The error counts as the mean over the
+    tags, ``range`` is that to the nearest fish; ``detected`` (T,), ``belief_mean`` (T, 2) and ``belief_covariance`` (T, 2, 2) are
+    of each tag.
+
+    With ``vehicles=V`` one action steers all: observation (V, D), action (V, A), the reward is the mean over the vehicles that
+    take part. Values of the info and of ``reward_terms`` get a first axis (V,), and ``separation`` from the nearest other
+    vehicle [m], ``encroachments``, ``messages``, ``received`` and ``active`` (whether it still takes part) are among them. A
+    vehicle whose battery is empty leaves, its observation is 0 from then on; the episode terminates when all have left. Rows and
+    messages are documented in ``tagtrack.envs.parallel.TagTrackParallelEnv``, where each vehicle is an agent of its own.
 
     ## Seeds
 
@@ -109,6 +128,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         time_scale: how fast it swims them; 0.5 is half the recorded speed.
         overrides: any parameter of the scenario by its dotted name: ``{"water.noisy_share": 0.3, "belief": "levy"}``.
         scenario: a whole ``Scenario`` instead of the id's.
+        vehicles: how many, 1 to 20 (default 1); see above.
+        tags: how many tagged fish, 1 to 20 (default 1).
+        modem: what several vehicles may tell one another: ``"perfect"``, ``"none"`` or ``"tdma"``.
         render_mode: ``"rgb_array"``, ``"human"`` or None (needs ``pip install "tagtrack[render]"``).
 
     ## Version history
@@ -127,17 +149,20 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         **options: Unpack[TaskOptions],
     ) -> None:
         task = build_task(env_id or self.default_id, **options)
-        require_single(task.scenario, "TagTrackEnv")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
         self.render_mode = render_mode
         self.simulation = Simulation(task.scenario, tracks=task.tracks)
-        self.observation_space = observation_space(task.scenario)
-        self.action_space = action_space(task.scenario)
+        vehicles = task.scenario.vehicles
+        self.observation_space = team_space(observation_space(task.scenario), vehicles)
+        self.action_space = team_space(action_space(task.scenario), vehicles)
+        self._is_lone = vehicles == 1 and task.scenario.targets == 1 and task.scenario.vehicle.battery == 0
+        self._own = (0, 0) if vehicles == 1 else (0,)  # where the world's rows are in the simulation's arrays
+        self._lifted = (np.newaxis,) * len(self._own)
         self._terms = task.scenario.reward.names
-        worlds = self.simulation.worlds  # kept, for looking them up costs
-        self._belief, self._error = worlds.beliefs, self.simulation.outputs.error
-        self._range, self._status = worlds.encounters["range"], worlds.measurements["status"]
+        # Kept, for looking them up costs; whole arrays, for a copy of a view would be cut off from the copied simulation.
+        worlds, self._outputs = self.simulation.worlds, self.simulation.outputs
+        self._beliefs, self._encounters, self._measurements = worlds.beliefs, worlds.encounters, worlds.measurements
         self._picture = Picture(self.simulation) if render_mode else None
         self._begun = False
 
@@ -149,28 +174,35 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.simulation.reset(seed)
         self._begun = True
         self._show()
-        return self.simulation.observation[0, 0].copy(), self._info()
+        return self._outputs.observation[self._own].copy(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Steer for one time step (see the class)."""
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
         simulation = self.simulation
-        simulation.step(np.asarray(action, np.float32)[np.newaxis, np.newaxis])
+        simulation.step(np.asarray(action, np.float32)[self._lifted])
         info = self._info()
-        terms = simulation.outputs.terms[0, 0]
-        info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
+        if self._is_lone:
+            terms = self._outputs.terms[0, 0]
+            info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
+            reward, terminated = float(np.add.reduce(terms)), False
+        else:
+            info["reward_terms"] = {name: _plain(values[0]) for name, values in tell_terms(simulation).items()}
+            reward, terminated = float(team_reward(simulation)[0]), bool(all_have_left(simulation)[0])
         truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
         self._show()
-        return simulation.observation[0, 0].copy(), float(np.add.reduce(terms)), False, truncated, info
+        return self._outputs.observation[self._own].copy(), reward, terminated, truncated, info
 
     def _info(self) -> dict[str, Any]:
-        belief = self._belief.item()
+        if not self._is_lone:
+            return {name: _plain(values[0]) for name, values in tell(self.simulation).items()}
+        belief = self._beliefs.item()
         xx, yy, xy = belief[SPREADS]
         return {
-            "localization_error": self._error.item(),
-            "range": self._range.item(),
-            "detected": self._status.item() == HEARD,
+            "localization_error": self._outputs.error.item(),
+            "range": self._encounters["range"].item(),
+            "detected": self._measurements["status"].item() == HEARD,
             "belief_mean": np.array(belief[MEANS]),
             "belief_covariance": np.array(((xx, xy), (xy, yy))),
         }
@@ -192,3 +224,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if self._picture is not None:
             self._picture.close()
         self.simulation.close()
+
+
+def _plain(value: np.ndarray) -> Any:
+    """A Python number for a single one, else the array."""
+    return value if value.ndim else value.item()

@@ -18,3 +18,8 @@ def observation_space(scenario: Scenario) -> Box:
 def action_space(scenario: Scenario) -> Box:
     """Of one vehicle: as many numbers in [-1, 1] as ``action_names`` has names."""
     return Box(-1.0, 1.0, (len(action_names(scenario)),), np.float32)
+
+
+def team_space(own: Box, vehicles: int) -> Box:
+    """Of all vehicles of a world together: the space of one, or (V, ...) of several."""
+    return own if vehicles == 1 else Box(np.stack([own.low] * vehicles), np.stack([own.high] * vehicles))

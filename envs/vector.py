@@ -12,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import LARGEST_DRAWN_SEED
-from tagtrack.envs.spaces import action_space, observation_space
-from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+from tagtrack.envs.spaces import action_space, observation_space, team_space
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
+from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -46,15 +47,16 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         **options: Unpack[TaskOptions],
     ) -> None:
         task = build_task(env_id, **options)
-        require_single(task.scenario, "TagTrackVectorEnv")
         if render_mode is not None:
             raise ValueError(f"render_mode must be None, got {render_mode!r}; TagTrackEnv draws a single world")
         self.simulation = Simulation(task.scenario, num_envs, threads=threads, tracks=task.tracks)
         self.num_envs = self.simulation.num_worlds
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = observation_space(task.scenario)
-        self.single_action_space = action_space(task.scenario)
+        vehicles = task.scenario.vehicles
+        self.single_observation_space = team_space(observation_space(task.scenario), vehicles)
+        self.single_action_space = team_space(action_space(task.scenario), vehicles)
+        self._own = (slice(None), 0) if vehicles == 1 else (slice(None),)  # where rows are in the simulation's arrays
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.episode_limit = episode_limit(task.scenario, max_episode_steps)
@@ -77,7 +79,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.simulation.reset(seed, chosen)
         self._begun = True
         self._ended[chosen] = False
-        return self.simulation.observation[:, 0].copy(), self._info(chosen)
+        return self.simulation.observation[self._own].copy(), self._info(chosen)
 
     def _chosen_worlds(self, options: dict[str, Any] | None) -> np.ndarray:
         if options is None or "reset_mask" not in options:
@@ -91,52 +93,53 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return mask
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Steer all worlds, ``actions`` (B, A), for one time step. Returns observations (B, D) and (B,) arrays."""
+        """Steer all worlds for one time step.
+
+        Args:
+            actions: (B, A), or (B, V, A) of several vehicles.
+        Returns:
+            observations (B, D) or (B, V, D), three arrays (B,) and the info.
+        """
         if not self._begun:
             raise ResetNeeded("call reset before step")
         if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
             ended = np.flatnonzero(self._ended).tolist()
             raise ResetNeeded(f'the episodes of worlds {ended} have ended; reset(options={{"reset_mask": mask}}) them')
         simulation = self.simulation
-        simulation.step(np.asarray(actions, np.float32)[:, np.newaxis])
+        actions = np.asarray(actions, np.float32)
+        simulation.step(actions[:, np.newaxis] if len(self._own) == 2 else actions)
         fresh = np.zeros(self.num_envs, bool)  # worlds whose observation is the first of an episode
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():
             fresh = self._ended
             simulation.reset(mask=fresh)
-        reward = np.where(fresh, 0.0, simulation.reward[:, 0])
-        truncated = simulation.worlds.clock["step"] >= self.episode_limit
-        self._ended = truncated.copy()
+        reward = np.where(fresh, 0.0, team_reward(simulation))
+        terminated, truncated = all_have_left(simulation), simulation.worlds.clock["step"] >= self.episode_limit
+        self._ended = terminated | truncated
         final: dict[str, Any] = {}
-        if self.autoreset_mode is AutoresetMode.SAME_STEP and truncated.any():
-            final = self._final(truncated)
-            fresh = truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            final = self._final(self._ended)
+            fresh = self._ended
             simulation.reset(mask=fresh)
         info = self._info(np.ones(self.num_envs, bool)) | self._reward_info(~fresh) | final
-        return simulation.observation[:, 0].copy(), reward, np.zeros(self.num_envs, bool), truncated, info
+        return simulation.observation[self._own].copy(), reward, terminated, truncated, info
 
     def _info(self, present: np.ndarray) -> dict[str, Any]:
         """What ``TagTrackEnv`` puts into its info, each with the mask of the worlds that have it."""
-        simulation = self.simulation
-        values = {
-            "localization_error": simulation.error[:, 0, 0].copy(),
-            "range": simulation.range[:, 0, 0].copy(),
-            "detected": simulation.detected[:, 0, 0].copy(),
-            "belief_mean": simulation.mean[:, 0, 0],
-            "belief_covariance": simulation.covariance[:, 0, 0],
-        }
+        values = tell(self.simulation)
         return values | {f"_{name}": present.copy() for name in values}
 
     def _reward_info(self, present: np.ndarray) -> dict[str, Any]:
         terms: dict[str, Any] = {}
-        for name, term in self.simulation.reward_terms.items():
-            terms[name], terms[f"_{name}"] = np.where(present, term[:, 0], 0.0), present.copy()
+        for name, term in tell_terms(self.simulation).items():
+            term[~present] = 0.0
+            terms[name], terms[f"_{name}"] = term, present.copy()
         return {"reward_terms": terms, "_reward_terms": present.copy()} if present.any() else {}
 
     def _final(self, ended: np.ndarray) -> dict[str, Any]:
         """The last observation and info of the episodes that have just ended."""
         observations = np.full(self.num_envs, None, object)
         for world in np.flatnonzero(ended):
-            observations[world] = self.simulation.observation[world, 0].copy()
+            observations[world] = self.simulation.observation[self._own][world].copy()
         return {
             "final_obs": observations,
             "_final_obs": ended.copy(),

@@ -48,7 +48,7 @@ FLOORS = (
     ("sensing", "exchange", "believing", "referee"),
     ("world",),
     ("simulation",),
-    ("task", "legend", "spaces"),
+    ("task", "legend", "spaces", "telling"),
     ("rendering",),
     ("single", "vector", "parallel"),
     ("time_of_flight", "range_only", "area_only"),

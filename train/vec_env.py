@@ -12,50 +12,68 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
-from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit, require_single
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
+from tagtrack.envs.telling import all_have_left
+from tagtrack.train.holding import HeldCourse
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
 class TagTrackVecEnv(VecEnv):
-    """Worlds of one task for Stable-Baselines3.
+    """Vehicles in worlds of one task for Stable-Baselines3.
+
+    Each row is a vehicle, and all learn one policy (shared parameters): row b * V + v is vehicle v of world b, with an
+    observation, an action and a reward of its own. With one vehicle a row is a world. The rows of a world end together: at the
+    limit, or when all its vehicles have left. A vehicle whose battery is empty before that has observations and rewards of 0
+    until then.
 
     An ordinary step returns empty infos; the numbers of all worlds are arrays in ``simulation``. At an episode's end an
-    info holds ``terminal_observation``, ``TimeLimit.truncated`` and ``episode``, which is what ``Monitor`` reports, so
-    that no Monitor is needed: the return ``r``, the length ``l``, the time ``t`` since this object was made [s], and
-    beside them ``localization_error``, the episode's mean [m].
+    info holds ``terminal_observation``, ``TimeLimit.truncated`` (False for a vehicle that has left) and ``episode``, which is
+    what ``Monitor`` reports, so that no Monitor is needed: the return ``r``, the length ``l``, the time ``t`` since this object
+    was made [s], and beside them ``localization_error``, the episode's mean [m]. Length and mean are over the steps in which the
+    vehicle took part.
 
     Args:
         env_id: or a ``Task``. options: as for ``TagTrackEnv``.
-        num_envs, max_episode_steps, threads: as for ``TagTrackVectorEnv``.
+        num_envs: rows, worlds times vehicles, as Stable-Baselines3 counts them; those of one world if None.
+        max_episode_steps, threads: as for ``TagTrackVectorEnv``.
         stagger: spread the ends of the first episodes evenly over an episode's length, lest all worlds start anew
             together; those episodes are shorter.
+        hold: steps of the environment that one action lasts. The course chosen is held: where actions are relative to the own
+            heading, the vehicle does not go on turning; relative to the line to a tag, the action counts anew at each step, as
+            that line turns. Other components are repeated. A reward is the sum over these steps, so a discount is one for each
+            action; lengths count steps of the environment. The last action of an episode lasts no longer than the episode.
     """
 
     def __init__(
         self,
         env_id: str | Task = "TagTrack/LeopardShark-v0",
-        num_envs: int = 1,
+        num_envs: int | None = None,
         *,
         max_episode_steps: int | None = None,
         threads: int = 1,
         stagger: bool = False,
+        hold: int = 1,
         **options: Unpack[TaskOptions],
     ) -> None:
         task = build_task(env_id, **options)
-        require_single(task.scenario, "TagTrackVecEnv")
-        self.simulation = Simulation(task.scenario, num_envs, threads=threads, tracks=task.tracks)
+        self.hold = _whole_number("hold", hold)
+        worlds = _count_worlds(num_envs, task.scenario.vehicles)
+        self.simulation = Simulation(task.scenario, worlds, threads=threads, tracks=task.tracks)
         self.render_mode = None  # the base class asks for it
-        super().__init__(self.simulation.num_worlds, observation_space(task.scenario), action_space(task.scenario))
+        rows = worlds * task.scenario.vehicles
+        super().__init__(rows, observation_space(task.scenario), action_space(task.scenario))
         self.episode_limit = episode_limit(task.scenario, max_episode_steps)
         self.stagger = stagger
         self._begun = False
         self._made = time.perf_counter()
-        self._head_start = np.zeros(self.num_envs, np.int64)  # steps by which a staggered episode is shorter
-        self._return = np.zeros(self.num_envs)
-        self._error = np.zeros(self.num_envs)  # sum over the episode [m]
-        self._actions = np.zeros((self.num_envs, len(self.simulation.action_names)), np.float32)
+        self._head_start = np.zeros(worlds, np.int64)  # steps by which a staggered episode is shorter
+        shape = (worlds, task.scenario.vehicles)
+        self._return = np.zeros(shape)
+        self._error = np.zeros(shape)  # sum over the episode [m]
+        self._length = np.zeros(shape, np.int64)  # steps in which the vehicle took part
+        self._actions = np.zeros((rows, len(self.simulation.action_names)), np.float32)
 
     def reset(self) -> np.ndarray:
         """Begin episodes in all worlds: the first of the seed given to ``seed``, else the next."""
@@ -65,53 +83,86 @@ class TagTrackVecEnv(VecEnv):
         self._begun = True
         self._reset_seeds()
         self._reset_options()
-        self._head_start[:] = 0
-        if self.stagger:
-            self._head_start[:] = np.arange(self.num_envs) * self.episode_limit // self.num_envs
-        self._return[:] = 0.0
-        self._error[:] = 0.0
-        return self.simulation.observation[:, 0].copy()
+        worlds = self.simulation.num_worlds
+        self._head_start[:] = np.arange(worlds) * self.episode_limit // worlds if self.stagger else 0
+        self._forget(np.ones(worlds, bool))
+        return self._observe()
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for ``step_wait``."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Step all worlds; those whose episode has ended begin the next one in the same step."""
-        simulation = self.simulation
-        simulation.step(self._actions[:, np.newaxis])
-        reward = simulation.reward[:, 0]
-        self._return += reward
-        self._error += simulation.error[:, 0, 0]
-        ended = simulation.worlds.clock["step"] + self._head_start >= self.episode_limit
+        """Step all worlds under one action of each row; those whose episode has ended begin the next one in the same step."""
+        simulation, shape = self.simulation, self._return.shape
+        actions = np.asarray(self._actions, np.float32)
+        if len(actions) == self.num_envs:  # else the simulation says what is wrong
+            actions = actions.reshape(*shape, -1)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        reward, ended = np.zeros(shape), np.zeros(shape[0], bool)
+        held = HeldCourse(simulation) if self.hold > 1 else None
+        for _ in range(self.hold):
+            simulation.step(actions if held is None else held.apply(actions))
+            reward += self._count(~ended)
+            for world in np.flatnonzero(self._has_ended() & ~ended).tolist():
+                ended[world] = True
+                self._report(world, infos)
+            if ended.all():
+                break
         if ended.any():
-            for world in np.flatnonzero(ended).tolist():
-                infos[world] = self._report(world)
             simulation.reset(mask=ended)
             self._head_start[ended] = 0
-            self._return[ended] = 0.0
-            self._error[ended] = 0.0
-        return simulation.observation[:, 0].copy(), reward.astype(np.float32), ended, infos
+            self._forget(ended)
+        dones = np.repeat(ended, shape[1])
+        return self._observe(), reward.ravel().astype(np.float32), dones, infos
 
-    def _report(self, world: int) -> dict[str, Any]:
-        """The info of a world whose episode has just ended."""
-        length = int(self.simulation.worlds.clock["step"][world])
-        episode = {
-            "r": round(float(self._return[world]), 6),
-            "l": length,
-            "t": round(time.perf_counter() - self._made, 6),
-            "localization_error": float(self._error[world]) / length,
-        }
-        observation = self.simulation.observation[world, 0].copy()
-        return {"terminal_observation": observation, "TimeLimit.truncated": True, "episode": episode}
+    def _observe(self) -> np.ndarray:
+        """(rows, D)."""
+        return self.simulation.observation.reshape(self.num_envs, -1).copy()
+
+    def _count(self, going: np.ndarray) -> np.ndarray:
+        """(B, V) the last step's reward, 0 where the episode of a world is no longer ``going``; it is added to the episode's."""
+        simulation = self.simulation
+        part = going[:, np.newaxis] & ~simulation.worlds.vehicles["gone"]
+        reward = np.where(part, simulation.reward, 0.0)
+        self._return += reward
+        self._error += np.where(part, simulation.outputs.outcomes["error"], 0.0)
+        self._length += part
+        return reward
+
+    def _has_ended(self) -> np.ndarray:
+        """(B,) bool."""
+        late = self.simulation.worlds.clock["step"] + self._head_start >= self.episode_limit
+        return late | all_have_left(self.simulation)
+
+    def _forget(self, worlds: np.ndarray) -> None:
+        """Begin new sums in the chosen worlds."""
+        for sums in (self._return, self._error, self._length):
+            sums[worlds] = 0
+
+    def _report(self, world: int, infos: list[dict[str, Any]]) -> None:
+        """Fill the infos of a world whose episode has just ended."""
+        vehicles = self._return.shape[1]
+        for v in range(vehicles):
+            length = int(self._length[world, v])
+            episode = {
+                "r": round(float(self._return[world, v]), 6),
+                "l": length,
+                "t": round(time.perf_counter() - self._made, 6),
+                "localization_error": float(self._error[world, v]) / length,
+            }
+            infos[world * vehicles + v] = {
+                "terminal_observation": self.simulation.observation[world, v].copy(),
+                "TimeLimit.truncated": bool(self.simulation.worlds.navigation["active"][world, v]),
+                "episode": episode,
+            }
 
     def close(self) -> None:
         """End the simulation's threads."""
         self.simulation.close()
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """An attribute of the batch, once for each world: all worlds share it."""
+        """An attribute of the batch, once for each row: all share it."""
         return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
@@ -127,3 +178,20 @@ class TagTrackVecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """True for ``Monitor``, whose report this class gives by itself."""
         return [issubclass(Monitor, wrapper_class)] * len(list(self._get_indices(indices)))
+
+
+def _count_worlds(num_envs: int | None, vehicles: int) -> int:
+    """Worlds of so many rows."""
+    if num_envs is None:
+        return 1
+    rows = _whole_number("num_envs", num_envs)
+    if rows % vehicles:
+        nearest = vehicles * max(1, round(rows / vehicles))
+        raise ValueError(f"num_envs counts vehicles of whole worlds, {vehicles} in each, got {rows}; {nearest} would do")
+    return rows // vehicles
+
+
+def _whole_number(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ValueError(f"{name} must be a whole number of at least 1, got {value!r}")
+    return int(value)

@@ -41,8 +41,9 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"overrides": {"episode_steps": 0}}, "episode_steps must be a whole number of at least 1, got 0"),
         ({"overrides": ["tag.period"]}, "overrides must map dotted names to values"),
         ({"scenario": "LeopardShark"}, "scenario must be a tagtrack.envs.scenario.Scenario, got 'LeopardShark'"),
-        ({"scenario": Scenario(vehicles=3)}, "shows a single vehicle and a single tag, got vehicles=3, targets=1"),
-        ({"overrides": {"targets": 2}}, "shows a single vehicle and a single tag, got vehicles=1, targets=2"),
+        ({"vehicles": 21}, "vehicles must be a whole number from 1 to 20, got 21"),
+        ({"tags": 0}, "tags must be a whole number from 1 to 20, got 0"),
+        ({"modem": "radio"}, "modem must be one of perfect, none, tdma, .*got 'radio'"),
         ({"time_scale": 0.5}, "time_scale=0.5 slows a recorded track, but none is given; add tracks=FILE"),
     ],
 )

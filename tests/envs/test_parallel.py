@@ -1,37 +1,71 @@
 """The PettingZoo environment: its own conformance tests on every id, and the single environment found in it again."""
 
 import warnings
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pettingzoo
 import pytest
-from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
+from pettingzoo import AECEnv
+from pettingzoo.test import api_test, max_cycles_test, parallel_api_test, parallel_seed_test, render_test, seed_test
 from pettingzoo.test.state_test import test_state as check_state
 
 import tagtrack
 from tagtrack.envs.layout import features, split_observation
 from tagtrack.envs.parallel import TagTrackParallelEnv, env, parallel_env
+from tagtrack.envs.scenario import SCENARIOS
 
 IDS = list(tagtrack._FLEETS)
 FLEETS = [(3, 2), (1, 3), (2, 1)]
-SMALL = {"particles": 64, "overrides": {"episode_steps": 30}}
+STEPS = 14
+SMALL: dict[str, Any] = {"particles": 16, "overrides": {"episode_steps": STEPS}}
+# What the hotel load uses up within an episode, give or take half, at most: some vehicles leave, some stay.
+KINDS = {"plain": {}, "drop out": {"vehicle.battery_spread": 0.5}, "talk": {"modem": "tdma"}}
 
 
+def conform(env_id: str, kind: str, vehicles: int, tags: int) -> dict[str, Any]:
+    """Options of a small fleet: plain, of vehicles that drop out, or of such that talk."""
+    overrides = {**SMALL["overrides"], **KINDS[kind]}
+    if kind == "drop out":
+        scenario = SCENARIOS[tagtrack._FLEETS[env_id]]
+        overrides["vehicle.battery"] = scenario.vehicle.hotel_power * STEPS * scenario.time_step / 3600.0
+    return {"vehicles": vehicles, "tags": tags, "particles": 16, "overrides": overrides}
+
+
+@pytest.mark.filterwarnings("ignore:(Observation|State) numpy array is all zeros")  # as those who have left see
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("env_id", IDS)
 @pytest.mark.parametrize(("vehicles", "tags"), FLEETS)
-def test_passes_pettingzoos_own_tests(env_id: str, vehicles: int, tags: int) -> None:
+def test_passes_pettingzoos_own_tests(env_id: str, vehicles: int, tags: int, kind: str) -> None:
+    options = conform(env_id, kind, vehicles, tags)
+
     def make() -> TagTrackParallelEnv:
-        return pettingzoo.make("parallel", env_id, vehicles=vehicles, tags=tags, **SMALL)
+        return pettingzoo.make("parallel", env_id, **options)
+
+    def make_turns() -> AECEnv:
+        return pettingzoo.make("aec", env_id, **options)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(make(), num_cycles=70)
-        parallel_seed_test(make, num_cycles=20)
-    turns = pettingzoo.make("aec", env_id, vehicles=vehicles, tags=tags, **SMALL)
-    api_test(turns, num_cycles=70)
-    check_state(turns, num_cycles=20)
-    seed_test(lambda: pettingzoo.make("aec", env_id, vehicles=vehicles, tags=tags, **SMALL), num_cycles=20)
+        parallel_api_test(make(), num_cycles=2 * STEPS)
+        parallel_seed_test(make, num_cycles=STEPS)
+    api_test(make_turns(), num_cycles=2 * STEPS * vehicles)
+    check_state(make_turns(), num_cycles=STEPS)
+    seed_test(make_turns, num_cycles=STEPS)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_episode_of_any_fleet_lasts_max_cycles_and_is_drawn(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = conform("tagtrack/leopard_shark_v0", kind, 3, 2)
+    module = SimpleNamespace(parallel_env=partial(parallel_env, **options), env=partial(env, **options))
+    max_cycles_test(module)
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setattr("tagtrack.envs.rendering.FRAMES_PER_SECOND", 0)  # no waiting between frames
+    render_test(lambda render_mode: env(render_mode=render_mode, **options))
 
 
 @pytest.mark.parametrize("shared", [True, False])
@@ -74,8 +108,102 @@ def test_state_is_all_observations_and_entities_are_found_in_them() -> None:
     parts = split_observation(observations["auv_1"], fleet.simulation.scenario)
     names = [feature.name for feature in features(fleet.simulation.scenario)]
     assert parts["own"].shape == (3,) and parts["tags"].shape == (3, 19) and parts["tag_mask"].all()
+    assert parts["mates"].shape == (1, 9) and parts["mate_mask"].all()
     assert parts["tags"][2, 0] == observations["auv_1"][names.index("tag_2.distance")]
+    assert parts["mates"][0, 2] == observations["auv_1"][names.index("mate_0.distance")]
     assert parts["own"][0] == observations["auv_1"][names.index("heading_cos")]
+
+
+def drifting(**options: Any) -> TagTrackParallelEnv:
+    """Three vehicles at rest, whose batteries end one after the other."""
+    overrides = {"vehicle.battery": 0.1, "vehicle.battery_spread": 0.9, "speed_control": True, "vehicle.fix_interval": 0.0}
+    return parallel_env(**{"vehicles": 3, "particles": 20, **options, "overrides": {**overrides, **options.get("overrides", {})}})
+
+
+def rest(fleet: TagTrackParallelEnv) -> dict[str, np.ndarray]:
+    action = np.zeros(fleet.action_space("auv_0").shape, np.float32)
+    action[2] = -1.0
+    return {agent: action.copy() for agent in fleet.agents}
+
+
+@pytest.mark.parametrize("modem", ["perfect", "none", "tdma"])
+def test_agent_leaves_for_good_when_its_battery_is_empty(modem: str) -> None:
+    """0.1 Wh, or 360 J, last 9 steps of 2 s at 20 W; 90 % more or less, 1 to 18."""
+    fleet = drifting(modem=modem)
+    fleet.reset(seed=4)
+    width = fleet.observation_space("auv_0").shape[0]
+    left: dict[str, int] = {}
+    for step in range(1, 20):
+        present = list(fleet.agents)
+        observations, rewards, terminations, truncations, infos = fleet.step(rest(fleet))
+        for told in (observations, rewards, terminations, truncations, infos):
+            assert list(told) == present
+        assert not any(truncations.values())
+        for agent in present:
+            assert (infos[agent]["battery"] == 0.0) == terminations[agent] == (agent not in fleet.agents)
+            if terminations[agent]:
+                left[agent] = step
+                assert rewards[agent] < 0.0 and infos[agent]["localization_error"] > 0.0
+                assert (observations[agent] == 0.0).all()
+        for agent in left:
+            row = int(agent[-1])
+            assert (fleet.state()[row * width : (row + 1) * width] == 0.0).all()
+        if not fleet.agents:
+            break
+    assert fleet.state().shape == fleet.state_space.shape == (3 * width,)
+    assert len(set(left.values())) > 1 and set(left) == set(fleet.possible_agents)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="the episode has ended"):
+        fleet.step({})
+    assert len(fleet.reset()[0]) == len(fleet.agents) == 3
+
+
+def test_action_for_an_agent_that_has_left_is_refused() -> None:
+    fleet = drifting()
+    fleet.reset(seed=4)
+    everyone = rest(fleet)
+    while len(fleet.agents) == 3:
+        fleet.step(rest(fleet))
+    gone = (set(everyone) - set(fleet.agents)).pop()
+    with pytest.raises(ValueError, match=f"an action for '{gone}' has left, its battery is empty; agents are still auv_"):
+        fleet.step(everyone)
+
+
+def test_who_has_left_is_no_danger_and_is_known_to_nobody() -> None:
+    """All lie within 20 m of one another, which counts as too near: the last one has nobody to come near to."""
+    fleet = drifting(overrides={"reward.least_separation": 60.0})
+    _, infos = fleet.reset(seed=4)
+    assert all(info["separation"] == pytest.approx(20.0) for info in infos.values())
+    while len(fleet.agents) > 1:
+        observations, *_, infos = fleet.step(rest(fleet))
+        assert all(info["encroachments"] == 1 for info in infos.values())
+    last = fleet.agents[0]
+    assert infos[last]["separation"] == np.inf
+    assert not split_observation(observations[last], fleet.simulation.scenario)["mate_mask"].any()
+
+
+def test_infos_count_messages_and_masks_tell_who_has_been_heard_of() -> None:
+    """Slots of 10 s in turn: within 20 steps of 2 s each of two vehicles sends twice, and nothing is lost."""
+    fleet = parallel_env(vehicles=2, modem="tdma", particles=20, overrides={"modem.loss": 0.0, "modem.loss_at_range": 0.0})
+    observations, infos = fleet.reset(seed=0)
+    scenario = fleet.simulation.scenario
+    assert not any(split_observation(observation, scenario)["mate_mask"].any() for observation in observations.values())
+    for _ in range(20):
+        observations, *_, infos = fleet.step({agent: np.zeros(2, np.float32) for agent in fleet.agents})
+    assert [(info["messages"], info["received"]) for info in infos.values()] == [(2, 2), (2, 2)]
+    assert all(split_observation(observation, scenario)["mate_mask"].all() for observation in observations.values())
+    assert "battery" not in infos["auv_0"]
+
+
+def test_action_has_a_component_for_each_choice() -> None:
+    overrides = {"steer_by": "chosen", "speed_control": True, "message_control": True, "modem": "tdma"}
+    fleet = parallel_env(vehicles=2, tags=3, particles=20, overrides=overrides)
+    assert fleet.action_space("auv_1").shape == (7,) and len(fleet.simulation.action_names) == 7
+    assert all(f"{name}" in TagTrackParallelEnv.__doc__ for name in ("ahead", "port", "speed", "tag_0, tag_1", "message"))
+    fleet.reset(seed=0)
+    silent, talking = np.full(7, -1.0, np.float32), np.ones(7, np.float32)
+    for _ in range(20):
+        *_, infos = fleet.step({"auv_0": silent, "auv_1": talking})
+    assert infos["auv_0"]["messages"] == 0 and infos["auv_1"]["messages"] == 2
 
 
 def test_course_is_relative_to_the_heading_where_there_are_several_tags() -> None:

@@ -21,8 +21,8 @@ def make(mode: AutoresetMode = AutoresetMode.NEXT_STEP, **arguments: Any) -> Tag
     return TagTrackVectorEnv(num_envs=WORLDS, autoreset_mode=mode, **{**SMALL, **arguments})
 
 
-def make_reference(mode: AutoresetMode) -> SyncVectorEnv:
-    return SyncVectorEnv([lambda: TagTrackEnv(**SMALL)] * WORLDS, autoreset_mode=mode)
+def make_reference(mode: AutoresetMode, **arguments: Any) -> SyncVectorEnv:
+    return SyncVectorEnv([lambda: TagTrackEnv(**{**SMALL, **arguments})] * WORLDS, autoreset_mode=mode)
 
 
 def assert_same_info(ours: dict[str, Any], reference: dict[str, Any]) -> None:
@@ -46,23 +46,70 @@ def assert_same_step(ours: tuple[Any, ...], reference: tuple[Any, ...]) -> None:
     assert_same_info(ours[-1], reference[-1])
 
 
+# Beside the plain one: several tags, fleets, and vehicles whose batteries end within the episode (0.05 Wh last 4 steps at 20 W).
+BATTERY = {**SMALL["overrides"], "vehicle.battery": 0.05, "vehicle.battery_spread": 0.8}
+TEAMS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "three tags": {"tags": 3},
+    "battery": {"overrides": BATTERY},
+    "fleet": {"vehicles": 2, "tags": 2, "overrides": BATTERY},
+    "talking fleet": {"vehicles": 3, "modem": "tdma"},
+}
+
+
+def draw_actions(env: TagTrackVectorEnv) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-1.0, 1.0, (40, *env.action_space.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("team", TEAMS)
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_each_autoreset_mode_does_what_gymnasiums_vector_of_single_environments_does(mode: AutoresetMode) -> None:
-    ours, reference = make(mode), make_reference(mode)
+def test_each_autoreset_mode_does_what_gymnasiums_vector_of_single_environments_does(mode: AutoresetMode, team: str) -> None:
+    ours, reference = make(mode, **TEAMS[team]), make_reference(mode, **TEAMS[team])
+    assert ours.observation_space == reference.observation_space and ours.action_space == reference.action_space
     assert_same_step(ours.reset(seed=11), reference.reset(seed=11))
-    for actions in ACTIONS:
+    for actions in draw_actions(ours):
         assert_same_step(ours.step(actions), reference.step(actions))
 
 
-def test_disabled_mode_resets_the_masked_worlds_as_gymnasium_does() -> None:
-    ours, reference = make(AutoresetMode.DISABLED), make_reference(AutoresetMode.DISABLED)
+@pytest.mark.parametrize("team", TEAMS)
+def test_disabled_mode_resets_the_masked_worlds_as_gymnasium_does(team: str) -> None:
+    ours, reference = make(AutoresetMode.DISABLED, **TEAMS[team]), make_reference(AutoresetMode.DISABLED, **TEAMS[team])
     assert_same_step(ours.reset(seed=11), reference.reset(seed=11))
-    for actions in ACTIONS:
+    for actions in draw_actions(ours):
         step = ours.step(actions)
         assert_same_step(step, reference.step(actions))
-        if step[3].any():
-            mask = step[3] | np.array([True, False, False])
+        ended = step[2] | step[3]
+        if ended.any():
+            mask = ended | np.array([True, False, False])
             assert_same_step(ours.reset(options={"reset_mask": mask}), reference.reset(options={"reset_mask": mask}))
+
+
+def test_world_terminates_when_all_its_vehicles_have_left() -> None:
+    env = make(AutoresetMode.DISABLED, vehicles=2, overrides=BATTERY)
+    env.reset(seed=3)
+    ended = {}
+    for step in range(LIMIT):
+        _, reward, terminated, _, info = env.step(np.zeros((WORLDS, 2, 2), np.float32))
+        np.testing.assert_array_equal(terminated, ~info["active"].any(axis=1))
+        assert (reward < 0.0).all()  # of those that took part in this step
+        ended.update(dict.fromkeys(np.flatnonzero(terminated).tolist(), step))
+        if terminated.any():
+            env.reset(options={"reset_mask": terminated})
+    assert len(ended) == WORLDS
+
+
+def test_reward_of_a_team_is_the_mean_over_those_that_take_part() -> None:
+    env = make(vehicles=3, modem="none", overrides={**BATTERY, "vehicle.battery": 0.06, "episode_steps": 40})
+    _, info = env.reset(seed=0)
+    seen, terminated = set(), np.zeros(WORLDS, bool)
+    while not terminated.any():
+        part = info["active"]  # before the step
+        _, reward, terminated, _, info = env.step(np.zeros((WORLDS, 3, 2), np.float32))
+        terms = sum(term for name, term in info["reward_terms"].items() if not name.startswith("_"))
+        assert terms.shape == (WORLDS, 3) and (terms[~part] == 0.0).all()
+        np.testing.assert_allclose(reward, [row[present].mean() for row, present in zip(terms, part, strict=True)])
+        seen |= set(part.sum(axis=1).tolist())
+    assert len(seen) > 1
 
 
 def test_reset_mask_is_read_and_left_in_the_options() -> None:

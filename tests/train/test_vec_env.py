@@ -9,6 +9,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
+from tagtrack.envs.parallel import TagTrackParallelEnv
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.train.vec_env import TagTrackVecEnv
 
@@ -64,6 +65,138 @@ def test_shortened_first_episode_reports_its_true_length() -> None:
     env.reset()
     reports = [info["episode"]["l"] for actions in ACTIONS[: LIMIT + 3] for info in env.step(actions)[3] if info]
     assert reports == [3, 6, 9, 12, 12]
+
+
+# Batteries for some 8 steps at rest, give or take half: within an episode of 12 some vehicles leave, some stay.
+BATTERY = {"vehicle.battery": 0.2, "vehicle.battery_spread": 0.5}
+FLEET: dict[str, Any] = {"vehicles": 3, "tags": 2, "modem": "none", "overrides": {**SMALL["overrides"], **BATTERY}}
+
+
+def test_each_row_is_a_vehicle_of_a_world() -> None:
+    """Row b * V + v against the parallel environment of world b, through its first episode."""
+    env = make(num_envs=6, **FLEET)
+    worlds = [TagTrackParallelEnv(**{**SMALL, **FLEET}) for _ in range(2)]
+    observation = env.reset()
+    for b, world in enumerate(worlds):
+        expected = world.reset(seed=5 + b)[0]
+        np.testing.assert_array_equal(observation[3 * b : 3 * b + 3], np.stack(list(expected.values())))
+    left, going = 0, [True, True]
+    for actions in np.random.default_rng(1).uniform(-1, 1, (LIMIT, 6, 2)).astype(np.float32):
+        observation, reward, done, infos = env.step(actions)
+        for b, world in enumerate(worlds):
+            if not going[b]:
+                continue
+            present = {agent: actions[3 * b + int(agent[-1])] for agent in world.agents}
+            left += 3 - len(present)
+            expected, rewards, *_ = world.step(present)
+            rows = slice(3 * b, 3 * b + 3)
+            assert done[rows].all() == done[rows].any() == (not world.agents)
+            going[b] = not done[rows].any()
+            for v, agent in enumerate(world.possible_agents):
+                row = 3 * b + v
+                seen = infos[row]["terminal_observation"] if done[row] else observation[row]
+                np.testing.assert_array_equal(seen, expected.get(agent, 0.0))
+                assert reward[row] == np.float32(rewards.get(agent, 0.0))
+    assert left > 0 and not any(going)
+
+
+def test_report_of_a_row_is_about_the_steps_in_which_its_vehicle_took_part() -> None:
+    env = make(num_envs=6, **FLEET)
+    env.reset()
+    took_part, errors, returns = np.zeros((2, 3), int), np.zeros((2, 3)), np.zeros((2, 3))
+    reports: dict[int, dict[str, Any]] = {}
+    while len(reports) < 6:
+        active = env.simulation.worlds.navigation["active"].copy()
+        _, reward, done, infos = env.step(np.zeros((6, 2), np.float32))
+        going = np.array([3 * b not in reports for b in range(2)])
+        assert not reward[~active.ravel()].any()
+        took_part += active & going[:, np.newaxis]
+        returns += reward.reshape(2, 3) * going[:, np.newaxis]
+        if not done.any():
+            errors += np.where(active & going[:, np.newaxis], env.simulation.outputs.outcomes["error"], 0.0)
+        reports.update({row: infos[row] for row in np.flatnonzero(done).tolist() if row not in reports})
+    lengths = [reports[row]["episode"]["l"] for row in range(6)]
+    assert lengths == took_part.ravel().tolist() and len(set(lengths)) > 1
+    for row in range(6):
+        assert reports[row]["episode"]["r"] == pytest.approx(returns.ravel()[row], abs=1e-5)
+        assert reports[row]["TimeLimit.truncated"] == bool(reports[row]["terminal_observation"].any())
+
+
+def test_worlds_of_a_fleet_are_staggered_not_their_vehicles() -> None:
+    env = make(num_envs=8, vehicles=2, stagger=True)
+    env.reset()
+    ends = np.stack([env.step(np.zeros((8, 2), np.float32))[2] for _ in range(LIMIT)])
+    assert [np.flatnonzero(column).tolist() for column in ends.T] == [[11], [11], [8], [8], [5], [5], [2], [2]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"vehicles": 3, "num_envs": 4}, "num_envs counts vehicles of whole worlds, 3 in each, got 4; 3 would do"),
+        ({"vehicles": 3, "num_envs": 0}, "num_envs must be a whole number of at least 1, got 0"),
+        ({"hold": 0}, "hold must be a whole number of at least 1, got 0"),
+        ({"hold": 2.0}, "hold must be a whole number of at least 1, got 2.0"),
+    ],
+)
+def test_bad_numbers_of_rows_and_steps_are_named(arguments: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        TagTrackVecEnv(**arguments)
+
+
+def test_rows_of_one_world_are_the_default() -> None:
+    assert TagTrackVecEnv(vehicles=3, particles=10).num_envs == 3
+
+
+@pytest.mark.parametrize("steer_by", ["heading", "line"])
+def test_held_decision_keeps_its_course_or_its_angle_to_the_line(steer_by: str) -> None:
+    """Against single steps of another environment, to which the course is given anew, and rewards are summed."""
+    overrides = {"steer_by": steer_by, "episode_steps": 30}
+    held, stepped = make(hold=3, overrides=overrides), make(overrides=overrides)
+    held.reset()
+    stepped.reset()
+    navigation = stepped.simulation.worlds.navigation
+    for actions in ACTIONS[:5]:
+        course = navigation["heading"][:, 0] + np.arctan2(actions[:, 1], actions[:, 0])
+        total = np.zeros(4)
+        for _ in range(3):
+            now = actions
+            if steer_by == "heading":
+                turned = course - navigation["heading"][:, 0]
+                now = np.stack([np.cos(turned), np.sin(turned)], axis=1).astype(np.float32)
+            seen, reward, *_ = stepped.step(now)
+            total += reward
+        observation, reward, *_ = held.step(actions)
+        steered = held.simulation.worlds.vehicles["course"]
+        np.testing.assert_allclose(np.cos(steered - stepped.simulation.worlds.vehicles["course"]), 1.0, atol=1e-9)
+        if steer_by == "heading":
+            np.testing.assert_allclose(np.cos(steered[:, 0] - course), 1.0, atol=1e-9)
+        np.testing.assert_allclose(observation, seen, atol=1e-3)
+        np.testing.assert_allclose(reward, total, atol=1e-3)
+
+
+def test_held_straight_on_is_the_first_heading() -> None:
+    env = make(hold=4, overrides={"steer_by": "heading", "episode_steps": 30})
+    env.reset()
+    first = env.simulation.worlds.navigation["heading"].copy()
+    env.step(np.array([(0.0, 0.0), (-0.0, -0.0), (1.0, 0.0), (3.0, 0.0)], np.float32))
+    np.testing.assert_allclose(np.cos(env.simulation.worlds.vehicles["course"] - first), 1.0, atol=1e-9)
+
+
+def test_last_decision_lasts_no_longer_than_the_episode() -> None:
+    """Episodes of 12 steps, staggered ones of 3, 6 and 9, in decisions of 5; the next one begins at the next decision."""
+    env, single = make(hold=5, stagger=True), make()
+    env.reset()
+    single.reset()
+    seconds = single.reset()  # the first observations of every world's second episode
+    lengths: dict[int, list[int]] = {world: [] for world in range(4)}
+    for k in range(6):
+        observation, reward, done, infos = env.step(ACTIONS[k])
+        assert (reward > -5.0 - 1e-6).all()
+        for world in np.flatnonzero(done).tolist():
+            lengths[world].append(infos[world]["episode"]["l"])
+            if len(lengths[world]) == 1:
+                np.testing.assert_array_equal(observation[world], seconds[world])
+    assert lengths == {0: [12, 12], 1: [9, 12], 2: [6, 12], 3: [3, 12]}
 
 
 def test_infos_of_a_step_belong_to_the_caller() -> None:
@@ -123,6 +256,17 @@ def test_wrappers_of_stable_baselines_take_it() -> None:
     for actions in ACTIONS[:LIMIT]:
         infos = env.step(actions)[3]
     assert all(info["episode"]["l"] == LIMIT and np.isfinite(info["terminal_observation"]).all() for info in infos)
+
+
+@pytest.mark.parametrize("arguments", [{"num_envs": 6, **FLEET}, {"num_envs": 2, "tags": 3, "hold": 3}], ids=["fleet", "hold"])
+def test_ppo_learns_in_fleets_and_with_held_decisions(arguments: dict[str, Any]) -> None:
+    env = make(stagger=True, **arguments)
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=16, n_epochs=2, seed=0, device="cpu")
+    before = [parameter.detach().clone() for parameter in model.policy.parameters()]
+    model.learn(2 * 16 * env.num_envs)
+    assert all(parameter.isfinite().all() for parameter in model.policy.parameters())
+    assert any((parameter != old).any() for parameter, old in zip(model.policy.parameters(), before, strict=True))
+    assert len(model.ep_info_buffer) >= env.num_envs
 
 
 def test_ppo_learns_and_is_evaluated_in_it() -> None:
