@@ -14,6 +14,7 @@ import numpy as np
 
 from tagtrack.baselines.formation import crowding, give_way, keep_to_own_circle
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic, Sighting
+from tagtrack.baselines.sharing import assign_jointly
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.validation import require
 
@@ -76,7 +77,9 @@ class Circle(Circling):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OracleCircle(InformedHeuristic):
-    """Circles the true fish at full speed, which no policy can, for none knows where the fish is; of several the nearest.
+    """Circles the true fish at full speed, which no policy can, for none knows where the fish is.
+
+    Of several fish each vehicle takes one, so that the ways are the shortest in sum; of more fish than vehicles some stay alone.
 
     It tells what nearness alone is worth, and bounds nothing: where the belief is far off, it is the belief's mistake that other
     policies go and disprove.
@@ -99,14 +102,14 @@ class OracleCircle(InformedHeuristic):
         return course, speed, memory
 
     def _centre(self, vehicle: np.ndarray) -> tuple[np.ndarray, np.ndarray | float, np.ndarray]:
-        """Where the nearest fish is from each vehicle, (B, 2) [m], radius [m] and share of the largest speed."""
+        """Where its fish is from each vehicle, (B, 2) [m], radius [m] and share of the largest speed."""
         fish, places = self.simulation.fish_position, self.simulation.vehicle_position
         if self.scenario.vehicles == self.scenario.targets == 1:
             return fish[:, 0] - places[:, 0], self.radius, np.ones(len(vehicle))
         fleet = self.scenario.vehicles
         fish, mates = np.repeat(fish.astype(np.float64), fleet, axis=0), np.repeat(places, fleet, axis=0)
-        away = fish - places.reshape(-1, 1, 2)
-        rows, tag = np.arange(len(vehicle)), np.hypot(away[..., 0], away[..., 1]).argmin(axis=1)
+        away = fish[:, None] - mates[:, :, None]
+        rows, tag = np.arange(len(vehicle)), assign_jointly(-np.hypot(away[..., 0], away[..., 1]), vehicle)
         crowded = crowding(fish[rows, tag], keep_to_own_circle(mates, fish, tag), np.zeros(mates.shape[:2]), vehicle)
         radius, speed = give_way(np.full(len(vehicle), self.radius), crowded, self.spacing, self.scenario)
-        return away[rows, tag], radius, speed
+        return away[rows, vehicle, tag], radius, speed

@@ -12,10 +12,11 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from tagtrack.baselines.division import Duty, choose_in_turn, rate_tags
+from tagtrack.baselines.division import Duty
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import ReadingTables, tabulate_readings
+from tagtrack.baselines.sharing import choose_in_turn, rate_tags
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.validation import require
 
