@@ -113,6 +113,9 @@ def check(config: TrainConfig) -> tuple[Task, Settings]:
         tracks=config.tracks,
         time_scale=config.time_scale,
         overrides=parse_overrides(flatten(config.set), config.motion),
+        vehicles=config.vehicles,
+        tags=config.tags,
+        modem=config.modem,
     )
     require_single(task.scenario, "python -m train")
     require_size(task.scenario, settings)

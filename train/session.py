@@ -114,7 +114,7 @@ def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
 
 def describe_task(config: TrainConfig, task: Task) -> str:
     """The options of `python -m eval` that name the task of a run."""
-    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion")}
+    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion", "vehicles", "tags", "modem")}
     env_id = config.env if ":" in config.env else task.env_id  # its module must be imported again
     options = [f"--env {shlex.quote(env_id)}"]
     options += [f"--{name.replace('_', '-')} {shlex.quote(str(value))}" for name, value in given.items() if value is not None]
