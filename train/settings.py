@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from tagtrack.envs.scenario import SCENARIOS, find_scenario
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import full_id
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.eval.whole_number import read_whole_number
@@ -115,9 +115,11 @@ FLEET_HOLD = 12.0  # seconds between the decisions of a fleet: commitment is wha
 FLEET = PPOSettings(steps=2_000_000, rollout=16384, batch_size=4096, gamma=0.98, ahead=0.5)
 
 
-def find_settings(config: TrainConfig) -> Settings:
+def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Settings:
     """Hyper-parameters of a run: the algorithm's, the environment's or preset's, the command line's, each over the one before.
 
+    Args:
+        scenario: of the run's task, which tells whether it is a fleet's.
     Raises:
         ValueError: for an unknown name, a value of another kind or out of its range, and a name given twice.
     """
@@ -125,9 +127,8 @@ def find_settings(config: TrainConfig) -> Settings:
     settings = SETTINGS.get((full_id(config.env), config.algo), own)
     if config.preset is not None:
         settings = SETTINGS.get((config.preset, config.algo), settings)
-    if isinstance(settings, PPOSettings) and (config.vehicles or 1) * (config.tags or 1) > 1:
-        step = find_scenario(full_id(config.env)).time_step if full_id(config.env) in SCENARIOS else FLEET_HOLD
-        settings = replace(FLEET, ahead=settings.ahead, hold=max(1, round(FLEET_HOLD / step)))
+    if isinstance(settings, PPOSettings) and scenario is not None and scenario.vehicles * scenario.targets > 1:
+        settings = replace(FLEET, ahead=settings.ahead, hold=max(1, round(FLEET_HOLD / scenario.time_step)))
     changes = _read_hyper(config, settings)
     for name in FLAGS:
         value = getattr(config, name)
