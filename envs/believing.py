@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import keep, note_own, past_of
+from tagtrack.envs.belief.hindsight import keep, note_others, note_own, past_of
 from tagtrack.envs.belief.listening import get_to_know, ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
@@ -54,7 +54,10 @@ def update_beliefs(b, p, worlds, scratch):
         for t in range(worlds.beliefs.shape[2]):
             past, listeners = past_of(b, o, t, worlds), worlds.listeners[b, o, t]
             particles, carried, beliefs = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1]
-            note_own(past, now, worlds.measurements[b, :, t], o, p.modem.shares, worlds.navigation[b, o])
+            measured = worlds.measurements[b, :, t]
+            note_own(past, now, measured, o, p.modem.shares, worlds.navigation[b, o])
+            if p.modem.calls:
+                note_others(past, now, measured, worlds.mail[b, o], worlds.packets[b, :, 0], worlds.navigation[b])
             first = worlds.since[b, o, t] if p.modem.talks else now
             for step in range(first, now + 1):
                 if step > first:
@@ -69,7 +72,12 @@ def update_beliefs(b, p, worlds, scratch):
 
 @compiled
 def meet_mates(b, p, worlds):
-    """With a fusion centre every vehicle knows of every other one that takes part at any time."""
+    """With a fusion centre every vehicle knows of every other that takes part; else of those just heard."""
+    if p.modem.calls:
+        for w in range(worlds.mates.shape[1]):
+            for v in range(worlds.mates.shape[1]):
+                if worlds.mail[b, w, v] > 0:
+                    get_to_know(worlds.mates[b, w, v], worlds.packets[b, v, 0], worlds.clock[b].step * p.time_step)
     if p.modem.shares:
         for w in range(worlds.mates.shape[1]):
             for v in range(worlds.mates.shape[1]):

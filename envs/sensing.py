@@ -13,7 +13,7 @@ from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, sw
 from tagtrack.envs.observation import decode_action
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import is_destroyed, listen, meet, open_encounter
-from tagtrack.envs.sim.modem import open_radio
+from tagtrack.envs.sim.modem import call_out, open_radio
 from tagtrack.envs.sim.tags import ping_within, start_pinging
 from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back
 
@@ -74,6 +74,8 @@ def sense(b, p, tracks, actions, worlds, scratch):
         swim_fish(target, worlds.fish[b, t], stream, t, p, tracks, clock.step, scratch)
         target.pinged = ping_within(target, stream, t, p.tag, before, p.time_step)
     hear_tags(b, p, worlds, stream, before + p.time_step)
+    if p.modem.calls:
+        call_out(worlds.mail[b], worlds.packets[b], worlds.navigation[b], stream, p.modem)
 
 
 @compiled

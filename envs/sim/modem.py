@@ -26,6 +26,7 @@ class Modem(Model):
 
     shares: ClassVar[bool] = False  # whether there is one belief for all vehicles, of all that any of them measures
     talks: ClassVar[bool] = False  # whether packets travel
+    calls: ClassVar[bool] = False  # whether all tell all at each step, at once
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,25 @@ class NoModem(Modem):
     """Nobody tells anybody anything: each vehicle has beliefs of its own."""
 
     name: ClassVar[str] = "none"
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstantModem(Modem):
+    """At each step every vehicle tells all the others at once what it has measured; each has beliefs of its own.
+
+    What other simulations of fleets assume, UTracking among them: no slots and no travel, but losses and wrong places.
+    """
+
+    name: ClassVar[str] = "instant"
+    calls: ClassVar[bool] = True
+
+    loss: float = 0.1  # chance that one vehicle does not hear another at a step
+    pose_sigma: float = 0.0  # error of the places that a vehicle tells, each axis, beside the navigation's own [m]
+
+    def __post_init__(self) -> None:
+        settle_numbers(self)
+        require(0 <= self.loss <= 1, self, "loss", "within 0 to 1")
+        require(self.pose_sigma >= 0, self, "pose_sigma", "at least 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +112,7 @@ class TdmaModem(Modem):
         return (self.packet_bytes - self.pose_bytes) // (self.measurement_bytes + 2 * readings)
 
 
-MODEMS: dict[str, type[Modem]] = {modem.name: modem for modem in (PerfectModem, NoModem, TdmaModem)}
+MODEMS: dict[str, type[Modem]] = {modem.name: modem for modem in (PerfectModem, NoModem, InstantModem, TdmaModem)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +121,7 @@ class ModemRule:
 
     shares: bool = False
     talks: bool = False
+    calls: bool = False
     slot: float = 1.0  # [s]
     slots: int = 1  # of a cycle
     capacity: int = 0  # measurements in a packet
@@ -122,6 +143,8 @@ def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float, *, 
     Raises:
         ValueError: for more vehicles than a cycle has slots, a packet too small for one measurement.
     """
+    if isinstance(modem, InstantModem):
+        return ModemRule(calls=True, flights=1, loss=modem.loss, pose_sigma=modem.pose_sigma)
     if not isinstance(modem, TdmaModem):
         return ModemRule(shares=modem.shares)
     slots, capacity = modem.cycle_slots(vehicles), modem.capacity(readings)
@@ -202,6 +225,20 @@ def send(v, radios, packets, letters, arrivals, outbox, navigation, vehicles, st
             chance, _ = uniform_pair(stream, MODEM, place_of(v, w))
             if distance <= rule.largest_range and chance >= chance_of_loss(distance, rule):
                 arrivals[v, place, w] = departure + distance / rule.sound_speed
+
+
+@compiled
+def call_out(mail, packets, navigation, stream, rule):
+    """Every vehicle that takes part tells all the others where it is; ``mail[w, v]`` is 1 where w has heard v, else 0."""
+    for v in range(packets.shape[0]):
+        error_x, error_y = normal_pair(stream, MODEM_POSE, v)
+        packets[v, 0].x = navigation[v].x + rule.pose_sigma * error_x
+        packets[v, 0].y = navigation[v].y + rule.pose_sigma * error_y
+        packets[v, 0].heading = navigation[v].heading
+        packets[v, 0].speed = navigation[v].speed
+        for w in range(packets.shape[0]):
+            chance, _ = uniform_pair(stream, MODEM, place_of(v, w))
+            mail[w, v] = w != v and navigation[v].active and navigation[w].active and chance >= rule.loss
 
 
 @compiled

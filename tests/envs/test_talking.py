@@ -10,7 +10,7 @@ from tagtrack.envs.belief.filter import ParticleFilter
 from tagtrack.envs.layout import feature_names
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sim.modem import NoModem, PerfectModem, TdmaModem
+from tagtrack.envs.sim.modem import InstantModem, NoModem, PerfectModem, TdmaModem
 from tagtrack.envs.simulation import Simulation
 
 RANGING = SCENARIOS["TagTrack/RangeOnly-v0"]
@@ -195,7 +195,7 @@ def test_measurements_that_come_too_late_are_counted_not_used() -> None:
         ({"modem.packet_bytes": 16}, r"packet_bytes must be at least 17: the pose \(8\) and one measurement of 1 readings"),
         ({"modem.loss": 1.5}, "TdmaModem.loss must be within 0 to 1, got 1.5"),
         ({"modem.slot": 0.0}, "TdmaModem.slot must be positive, got 0.0"),
-        ({"modem": "smoke"}, "modem must be one of perfect, none, tdma, or MODULE:CLASS"),
+        ({"modem": "smoke"}, "modem must be one of perfect, none, instant, tdma, or MODULE:CLASS"),
         ({"modem": "none", "message_control": True}, "Scenario.message_control is about messages, and a NoModem sends none"),
         ({"modem": "perfect", "reward.message": 0.1}, "Scenario.reward.message is about messages, and a PerfectModem sends none"),
     ],
@@ -220,3 +220,32 @@ def test_every_parameter_of_the_modem_is_read() -> None:
     assert set(other) == {field.name for field in dataclasses.fields(TdmaModem)}
     usual = trace()
     assert [name for name, value in other.items() if trace(**{name: value}) == usual] == []
+
+
+def test_instant_modem_without_losses_gives_every_vehicle_what_a_fusion_centre_has() -> None:
+    """The same measurements at the same time: three clouds with draws of their own, as good as the shared one."""
+    errors = []
+    instants = [InstantModem(loss=0.0), InstantModem(loss=0.0, pose_sigma=30.0), InstantModem(loss=1.0)]
+    for modem in (PerfectModem(), *instants, NoModem()):
+        simulation = Simulation(fleet(modem=modem, tags=1, **{"belief.particles": 300}), 60)
+        simulation.reset(seed=5)
+        errors.append(sail(simulation, 90)[30:].mean())
+    perfect, instant, wrong, silent, none = errors
+    assert instant == pytest.approx(perfect, rel=0.05)
+    assert wrong > 1.2 * instant
+    assert silent == none
+
+
+def test_instant_modem_makes_no_difference_to_what_a_filter_is_told() -> None:
+    """Vehicle 0's cloud is that of a filter which is told all measurements at once."""
+    scenario = fleet(modem=InstantModem(loss=0.0))
+    simulation = Simulation(scenario)
+    simulation.reset(seed=4)
+    start = simulation.worlds.navigation[0, 0].copy()
+    belief = ParticleFilter(scenario.belief, scenario.tag, rows=2, vehicles=3, tags=[0, 1])
+    belief.begin(start["x"], start["y"], seed=[4, 4], place=[0, 1])
+    for _ in range(30):
+        sail(simulation, 1)
+        belief.predict(scenario.time_step)
+        belief.correct(simulation.worlds.measurements[0].ravel())
+    assert belief.particles.tobytes() == simulation.worlds.particles[0, 0].tobytes()
