@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
+from tagtrack.baselines.division import Duty
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
 from tagtrack.baselines.reading_tables import ReadingTables, tabulate_readings
+from tagtrack.baselines.sharing import choose_in_turn, rate_tags
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.validation import require
 
@@ -22,10 +24,12 @@ INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any inf
 
 
 class Plan(NamedTuple):
-    """The course each vehicle holds, each (B,)."""
+    """The course each vehicle holds and the tag it is for, each (B,)."""
 
     course: np.ndarray  # absolute [rad]
     age: np.ndarray  # time since it was chosen [s]; infinite before the first
+    tag: np.ndarray  # int
+    tag_age: np.ndarray  # time since the tag was chosen [s]
 
 
 class Track(NamedTuple):
@@ -44,13 +48,19 @@ class Information(InformedHeuristic):
     particles rest meanwhile; of a stereo hydrophone, with or without ranges, only the bearing counts; silence tells nothing,
     because the filter does not weigh by it, unless the receiver is one of presence. Of the courses that keep out of the perimeter
     the best is taken; failing these the one that intrudes least.
+
+    Of a fleet each vehicle plans alone on its own belief, or the shared one, about the tag that ``uncertain`` would give it: as
+    each ping counts by itself, what teammates hear adds the same to all courses.
     """
 
+    fleets: ClassVar[bool] = True
     horizon: int = 12  # pings: fewer end within the turn, more change nothing (LeopardShark-v0, tuning episodes)
     hold: float = 4.0  # time for which a course is held [s]
     courses: int = 12  # K
     sample: int = 64  # particles that stand for all
     perimeter: float = 0.0  # about the mean of the belief [m]; 0: none
+    watch: float = 12.0  # time for which a tag is held, where there are several [s]
+    per_metre: float = 0.2  # metres of spread that outweigh a metre of way, where a tag is chosen
     _tables: ReadingTables = field(init=False, repr=False)
     _entropy: np.ndarray = field(init=False, repr=False)
 
@@ -59,32 +69,52 @@ class Information(InformedHeuristic):
         for name in ("horizon", "courses", "sample"):
             require(getattr(self, name) >= 1, self, name, "a whole number of at least 1")
         require(self.hold > 0, self, "hold", "positive")
-        require(self.perimeter >= 0, self, "perimeter", "at least 0")
+        require(self.watch > 0, self, "watch", "positive")
+        for name in ("perimeter", "per_metre"):
+            require(getattr(self, name) >= 0, self, name, "at least 0")
         tables = tabulate_readings(self.scenario.belief, self.scenario.water)
         likelihood = tables.likelihood
         object.__setattr__(self, "_tables", tables)
         object.__setattr__(self, "_entropy", -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1))
 
     def begin(self, sighting: Sighting) -> Plan:
-        return Plan(course=sighting.line, age=np.full(len(sighting.line), np.inf))
+        never = np.full(len(sighting.line), np.inf)
+        return Plan(course=sighting.line, age=never, tag=sighting.tag, tag_age=never)
 
     def choose(self, sighting: Sighting, memory: Plan) -> tuple[np.ndarray, np.ndarray, Plan]:
-        over = memory.age > self.hold - 1e-6
+        duty = self._renew(sighting, Duty(memory.tag, memory.tag_age))
+        watched = self.look_at(sighting, duty.tag) if self.scenario.targets > 1 else sighting
+        over = (memory.age > self.hold - 1e-6) | (duty.tag != memory.tag)
         course = memory.course
         if over.any():
             rows = np.flatnonzero(over)
             course = course.copy()
-            course[rows] = self._plan(rows, sighting.line[rows], sighting.ping_phase[rows])
+            course[rows] = self._plan(rows, duty.tag[rows], watched.line[rows], watched.ping_phase[rows])
         age = np.where(over, 0.0, memory.age) + self.scenario.time_step
-        return course - sighting.line, np.ones_like(course), Plan(course=course, age=age)
+        return course - sighting.line, np.ones_like(course), Plan(course, age, duty.tag, duty.age)
 
-    def _plan(self, rows: np.ndarray, line: np.ndarray, ping_phase: np.ndarray) -> np.ndarray:
-        """The best course (R,) [rad] for some of the worlds."""
+    def _renew(self, sighting: Sighting, duty: Duty) -> Duty:
+        """The tags of this step, chosen anew where they have been held long enough."""
+        over = duty.age > self.watch - 1e-6
+        tag = duty.tag
+        if over.any() and self.scenario.targets > 1:
+            value = rate_tags(self.look_around(sighting), self.per_metre)
+            tag = np.where(over, choose_in_turn(value, sighting.vehicle), tag)
+        return Duty(tag=tag, age=np.where(over, 0.0, duty.age) + self.scenario.time_step)
+
+    def _belief_of(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """World, vehicle and owner of the belief of some rows, each (R,)."""
+        world, vehicle = np.divmod(rows, self.scenario.vehicles)
+        return world, vehicle, vehicle if self.scenario.owners > 1 else np.zeros_like(vehicle)
+
+    def _plan(self, rows: np.ndarray, tags: np.ndarray, line: np.ndarray, ping_phase: np.ndarray) -> np.ndarray:
+        """The best course (R,) [rad] for some of the vehicles, given the tag of each (R,)."""
+        world, vehicle, owner = self._belief_of(rows)
         candidates = line[:, None] + np.arange(self.courses) * (2.0 * math.pi / self.courses)
         tag = self.scenario.tag
         periods = max((tag.period + 0.5 * tag.random_delay) / self.scenario.time_step, 1.0)  # at most one reading a step
         track = expect_track(
-            self.simulation.worlds.navigation[rows, 0],
+            self.simulation.worlds.navigation[world, vehicle],
             candidates,
             self.scenario.vehicle,
             self.scenario.time_step,
@@ -93,21 +123,22 @@ class Information(InformedHeuristic):
         # Readings are taken at the end of the step in which the tag pings; phase and rounding must not make that the next one.
         pings = (1.0 - ping_phase[:, None] + np.arange(self.horizon)) * periods
         at_ping = np.maximum(np.ceil(pings - 1e-4).astype(np.int64) - 1, 0)[:, None, :]
-        value = self._expect_information(rows, Track(*(np.take_along_axis(part, at_ping, axis=2) for part in track)))
-        belief = self.simulation.mean[rows, 0, 0]
+        value = self._expect_information(rows, tags, Track(*(np.take_along_axis(part, at_ping, axis=2) for part in track)))
+        belief = self.simulation.mean[world, owner, tags]
         distance = np.hypot(track.x - belief[:, 0, None, None], track.y - belief[:, 1, None, None])
         value = value - INTRUSION_COST * np.maximum(self.perimeter - distance, 0.0).mean(axis=2)
         return np.take_along_axis(candidates, value.argmax(axis=1)[:, None], axis=1)[:, 0]
 
-    def _expect_information(self, rows: np.ndarray, poses: Track) -> np.ndarray:
+    def _expect_information(self, rows: np.ndarray, tags: np.ndarray, poses: Track) -> np.ndarray:
         """(R, K) expected information [nats] of pings heard at ``poses`` (R, K, P)."""
         particles = self.simulation.worlds.particles
-        chosen = self._stand_for_all(rows)
-        x, y = (particles[rows[:, None], 0, 0, axis, chosen] for axis in (0, 1))
+        world, vehicle, owner = self._belief_of(rows)
+        chosen = self._stand_for_all(world, owner, tags)
+        x, y = (particles[world[:, None], owner[:, None], tags[:, None], axis, chosen] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
-        depth = self.simulation.listeners["depth"][rows, 0, 0]
+        depth = self.simulation.listeners["depth"][world, vehicle, tags]
         # The tables are of the number assumed, the belief may know better.
-        offset = self.scenario.belief.receiver.assumed - self.simulation.worlds.beliefs["estimated"][rows, 0, 0]
+        offset = self.scenario.belief.receiver.assumed - self.simulation.worlds.beliefs["estimated"][world, owner, tags]
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
             *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
@@ -115,13 +146,13 @@ class Information(InformedHeuristic):
         )  # fmt: skip
         return information.astype(np.float64)
 
-    def _stand_for_all(self, rows: np.ndarray) -> np.ndarray:
+    def _stand_for_all(self, world: np.ndarray, owner: np.ndarray, tags: np.ndarray) -> np.ndarray:
         """Indices (R or 1, S) of a stratified sample of the particles: children of a particle lie side by side."""
         worlds = self.simulation.worlds
         count = worlds.particles.shape[-1]
         sample = min(self.sample, count)
         if worlds.carried.shape[-1] > 0:
-            return draw_evenly(worlds.carried[rows, 0, 0], sample)
+            return draw_evenly(worlds.carried[world, owner, tags], sample)
         return (np.arange(sample) * count // sample)[None, :]  # every n-th
 
 

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from tagtrack.baselines.circle import Circle, OracleCircle
+from tagtrack.baselines.division import Assignment, Uncertain
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
 from tagtrack.baselines.information import Information
 from tagtrack.baselines.simple import Pursuit, Random, Stationary
@@ -21,6 +22,8 @@ BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(
         "three_step": ThreeStep,
         "pursuit": Pursuit,
         "circle": Circle,
+        "assignment": Assignment,
+        "uncertain": Uncertain,
         "information": Information,
         "stationary": Stationary,
         "random": Random,
@@ -34,6 +37,8 @@ LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
         "three_step": "tau",
         "pursuit": "perimeter",
         "circle": "radius",
+        "assignment": "radius",
+        "uncertain": "radius",
         "information": "horizon",
         "random": "seed",
         "oracle_circle": "radius",

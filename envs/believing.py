@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import keep, note_own
-from tagtrack.envs.belief.listening import ping_phase
+from tagtrack.envs.belief.hindsight import keep, note_own, past_of
+from tagtrack.envs.belief.listening import get_to_know, ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
-from tagtrack.envs.exchange import get_to_know, past_of
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import place_of, stream_of
 from tagtrack.envs.observation import (

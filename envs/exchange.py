@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import Past, is_worth_telling, recall, take_down
+from tagtrack.envs.belief.hindsight import is_worth_telling, past_of, recall, take_down
+from tagtrack.envs.belief.listening import get_to_know
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import stream_of
 from tagtrack.envs.sim.modem import deliver, send_in_turn
@@ -63,17 +64,6 @@ def read_mail(b, worlds):
 
 
 @compiled
-def get_to_know(mate, pose, time):
-    """A teammate is where it says it was at a time."""
-    mate.known = True
-    mate.time = time
-    mate.x = pose.x
-    mate.y = pose.y
-    mate.heading = pose.heading
-    mate.speed = pose.speed
-
-
-@compiled
 def recall_beliefs(b, p, worlds):
     """Where something has come late, go back to before it; ``worlds.since`` tells from which step on each belief is to go."""
     coming = worlds.clock[b].step + 1
@@ -85,12 +75,3 @@ def recall_beliefs(b, p, worlds):
                     worlds.radios[b, o], worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1],
                     worlds.listeners[b, o, t],
                 )  # fmt: skip
-
-
-@compiled
-def past_of(b, o, t, worlds):
-    """The last steps of one belief."""
-    return Past(
-        worlds.past_particles[b, o, t], worlds.past_carried[b, o, t], worlds.past_beliefs[b, o, t],
-        worlds.past_listeners[b, o, t], worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
-    )  # fmt: skip

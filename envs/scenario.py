@@ -25,7 +25,7 @@ from tagtrack.envs.sensors import (
 )
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.modem import Modem, PerfectModem, modem_rule
+from tagtrack.envs.sim.modem import Modem, ModemRule, PerfectModem, modem_rule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
 from tagtrack.envs.validation import require, settle_numbers
@@ -119,7 +119,7 @@ class Scenario:
     def _check_modem(self) -> None:
         if not isinstance(self.modem, Modem):
             raise ValueError(f"Scenario.modem must be a Modem, got {self.modem!r}")
-        modem_rule(self.modem, self.vehicles, len(self.belief.receiver.weighed), self.time_step)
+        self.modem_rule  # noqa: B018 - raises where the modem does not suit the fleet
         for name, asked in (("message_control", self.message_control), ("reward.message", self.reward.message > 0)):
             if asked and not self.modem.talks:
                 raise ValueError(f"Scenario.{name} is about messages, and a {type(self.modem).__name__} sends none")
@@ -143,6 +143,12 @@ class Scenario:
     def owners(self) -> int:
         """Number of beliefs: one, or one for each vehicle."""
         return 1 if self.modem.shares else self.vehicles
+
+    @property
+    def modem_rule(self) -> ModemRule:
+        """What compiled code reads of the modem. Raises ValueError where it does not suit the fleet."""
+        readings = len(self.belief.receiver.weighed)
+        return modem_rule(self.modem, self.vehicles, readings, self.time_step, at_will=self.message_control)
 
     @property
     def frame(self) -> Frame:

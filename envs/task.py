@@ -260,12 +260,3 @@ def episode_limit(scenario: Scenario, max_episode_steps: int | None) -> int:
             'chosen; make it overrides={"episode_steps": ...} instead'
         )
     return int(max_episode_steps)
-
-
-def require_single(scenario: Scenario, shell: str) -> None:
-    """Refuse a fleet where a shell shows one vehicle and one tag."""
-    if scenario.vehicles != 1 or scenario.targets != 1:
-        raise ValueError(
-            f"{shell} shows a single vehicle and a single tag, got vehicles={scenario.vehicles}, "
-            f"targets={scenario.targets}; fleets run through tagtrack.envs.simulation.Simulation"
-        )

@@ -13,7 +13,7 @@ from tagtrack.envs.rewards import MOST_TERMS
 from tagtrack.envs.scenario import Scenario, Start
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import Water
-from tagtrack.envs.sim.modem import ModemRule, modem_rule
+from tagtrack.envs.sim.modem import ModemRule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
 
@@ -72,7 +72,7 @@ def world_rule(scenario: Scenario) -> WorldRule:
         frame=int(scenario.frame),
         message_control=scenario.message_control,
         layout=layout_rule(scenario),
-        modem=modem_rule(scenario.modem, scenario.vehicles, len(scenario.belief.receiver.weighed), scenario.time_step),
+        modem=scenario.modem_rule,
         shared_reward=scenario.reward.shared,
         least_separation=scenario.reward.least_separation,
         calls=WorldCalls(

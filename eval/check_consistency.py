@@ -55,6 +55,11 @@ class Consistency:
         """Run it."""
         self.trial.check()
         task, trial = self.task.build(), self.trial
+        if task.scenario.vehicles > 1 or task.scenario.targets > 1:
+            raise ValueError(
+                f"consistency checks the belief of one vehicle about one tag, got vehicles={task.scenario.vehicles}, "
+                f"tags={task.scenario.targets}; leave both out"
+            )
         ((name, maker),) = find_makers(name_contestants([self.policy]), task, self.task.env_id).items()
         if isinstance(maker, Localizer):
             raise ValueError(f"{name} steers no vehicle, whose belief could be checked; name a policy")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import Task, build_task, full_id
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_contestants
 from tagtrack.eval.episode_record import EpisodeRecord, pool
+from tagtrack.eval.fleet_metrics import summarize_fleet
 from tagtrack.eval.metrics import Bootstrap, Interval, ratios_to_first, summarize
 from tagtrack.eval.report import Document, benchmark_document
 from tagtrack.eval.rollout import SeedBlock, block_seed, roll_out
@@ -51,6 +54,7 @@ class Comparison:
             together=self.together,
             particles=self.task.scenario.belief.particles,
             tracks=self.task.describe_tracks(),
+            fleet=describe_fleet(self.task.scenario),
             versions=versions,
             policies=self.summaries,
             ratios=self.ratios,
@@ -127,11 +131,25 @@ def compare(
         together=tuple(together),
         records=records,
         summaries={
-            name: summarize(record, perimeter=perimeter, lost_error=task.scenario.lost_error, bootstrap=bootstrap)
-            for name, record in records.items()
+            name: _summarize(record, perimeter, task.scenario.lost_error, bootstrap) for name, record in records.items()
         },
         ratios=ratios_to_first(records, bootstrap=bootstrap),
     )
+
+
+def _summarize(record: EpisodeRecord, perimeter: float, lost_error: float, bootstrap: Bootstrap | None) -> dict[str, Interval]:
+    figures = summarize(record, perimeter=perimeter, lost_error=lost_error, bootstrap=bootstrap)
+    if record.fleet is not None:
+        figures |= summarize_fleet(record.fleet, lost_error=lost_error, bootstrap=bootstrap)
+    return figures
+
+
+def describe_fleet(scenario: Scenario) -> dict[str, Any] | None:
+    """Numbers of vehicles and tags and the kind of modem, as plain values for JSON; None for one vehicle and one tag."""
+    if scenario.vehicles == scenario.targets == 1:
+        return None
+    modem = scenario.modem.name or type(scenario.modem).__name__
+    return {"vehicles": scenario.vehicles, "tags": scenario.targets, "modem": modem}
 
 
 def _bind(on_step: OnStep, name: str) -> Callable[[int], None]:

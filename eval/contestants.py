@@ -58,6 +58,12 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
     """
     # Folders and unknown names first: a simulation may have to be compiled.
     makers = {name: _find_maker(spec, task, env_id) for name, spec in specs.items()}
+    fleet = task.scenario.vehicles > 1 or task.scenario.targets > 1
+    if fleet and (arrays := [name for name, maker in makers.items() if isinstance(maker, Localizer)]):
+        raise ValueError(
+            f"{arrays[0]} stands for one vehicle and one tag, got vehicles={task.scenario.vehicles}, "
+            f"tags={task.scenario.targets}; leave it out"
+        )
     simulation = Simulation(task.scenario, tracks=task.tracks)
     for maker in makers.values():
         if not isinstance(maker, Localizer):

@@ -12,8 +12,30 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
+class FleetRecord:
+    """What is told of several vehicles or tags beside the record they share: E episodes of K steps, T tags."""
+
+    time_step: float  # [s]
+    tag_error: Floats  # (E, K, T) [m], mean over the beliefs of the vehicles that take part
+    encroachments: Floats  # (E, K) how often a vehicle came too near another one in each step, summed over vehicles
+    messages: Floats  # (E, K) sent in each step by all vehicles
+
+    def from_step(self, step: int) -> FleetRecord:
+        """The same episodes without what came before a step."""
+        return FleetRecord(
+            time_step=self.time_step,
+            tag_error=self.tag_error[:, step:],
+            encroachments=self.encroachments[:, step:],
+            messages=self.messages[:, step:],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
 class EpisodeRecord:
     """What one policy did: E episodes of K steps.
+
+    Of a fleet, the error is the mean over tags and over the beliefs of the vehicles that take part (where none does any more,
+    over all), the range that of the nearest vehicle to the nearest fish, the reward the mean over the vehicles that take part.
 
     A step without truth, for instance after an episode's end, is NaN in both arrays and counts nowhere. An error that
     is NaN where the range is known is refused: it would be a broken belief, left out of its own reckoning. Arrays of
@@ -23,6 +45,7 @@ class EpisodeRecord:
     error: Floats  # (E, K) [m] distance from the belief's estimate to the fish
     range: Floats | None = None  # (E, K) [m] true distance from the vehicle to the fish
     reward: Floats | None = None  # (E, K) of each step
+    fleet: FleetRecord | None = None  # None: one vehicle and one tag
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "error", _checked("error", self.error))
@@ -49,15 +72,27 @@ class EpisodeRecord:
             error=self.error[:, step:],
             range=None if self.range is None else self.range[:, step:],
             reward=None if self.reward is None else self.reward[:, step:],
+            fleet=None if self.fleet is None else self.fleet.from_step(step),
         )
 
 
 def pool(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
     """Several policies in the same episodes as one record of E episodes with all their steps: each weighs the same."""
     ranges = [record.range for record in records if record.range is not None]
+    fleets = [record.fleet for record in records if record.fleet is not None]
     return EpisodeRecord(
         error=np.concatenate([record.error for record in records], axis=1),
         range=np.concatenate(ranges, axis=1) if len(ranges) == len(records) else None,
+        fleet=_pool_fleets(fleets) if fleets and len(fleets) == len(records) else None,
+    )
+
+
+def _pool_fleets(fleets: Sequence[FleetRecord]) -> FleetRecord:
+    return FleetRecord(
+        time_step=fleets[0].time_step,
+        tag_error=np.concatenate([fleet.tag_error for fleet in fleets], axis=1),
+        encroachments=np.concatenate([fleet.encroachments for fleet in fleets], axis=1),
+        messages=np.concatenate([fleet.messages for fleet in fleets], axis=1),
     )
 
 

@@ -93,7 +93,8 @@ def summarize(
         lost_error: a step is lost where the error exceeds this [m].
     Returns:
         `mean_error_m`, `median_error_m`, `rmse_m`, `p95_error_m`, `iqm_error_m`, `lost_fraction`, `mean_range_m`,
-        `inside_perimeter`, each with its interval; NaN where a figure is not defined or, for the ends, E = 1.
+        `inside_perimeter`, each with its interval; NaN where a figure is not defined or, for the ends, E = 1. Of a fleet
+        also those of `eval.fleet_metrics.summarize_fleet`.
     """
     bootstrap = bootstrap or Bootstrap()
     episodes, error = record.episodes, record.error

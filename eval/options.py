@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.task import Task, build_task, full_id, parse_overrides, require_single
+from tagtrack.envs.task import Task, build_task, full_id, parse_overrides
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 
@@ -35,6 +35,13 @@ class TaskOptions:
     particles: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the scenario's or preset's own)")] = None
     """Particles of the belief."""
 
+    vehicles: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the task's own, 1)")] = None
+    """Vehicles of the fleet, at most 20."""
+    tags: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the task's own, 1)")] = None
+    """Tagged fish, at most 20."""
+    modem: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own, perfect)")] = None
+    """What the vehicles may tell one another: perfect (one belief for all), none (one each), tdma (packets in turn)."""
+
     least_particles: ClassVar[int] = 0  # without --particles
 
     def build(self) -> Task:
@@ -42,7 +49,6 @@ class TaskOptions:
         task = build_task(self.env, **self.make_options())
         if self.particles is None and task.scenario.belief.particles < self.least_particles:
             task = task._replace(scenario=with_overrides(task.scenario, {"belief.particles": self.least_particles}))
-        require_single(task.scenario, "python -m eval")
         return task
 
     @property
@@ -61,6 +67,9 @@ class TaskOptions:
             "tracks": self.tracks,
             "time_scale": self.time_scale,
             "overrides": overrides,
+            "vehicles": self.vehicles,
+            "tags": self.tags,
+            "modem": self.modem,
         }
 
     def describe(self, task: Task) -> dict[str, Any]:

@@ -31,11 +31,11 @@ SMALLEST_ERROR = 0.001  # [m]; a logarithmic axis has no zero, smaller errors ar
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """One episode of one policy, every array (K, 2) [m]; NaN where unknown."""
+    """One episode of one policy, every array (K, 2) [m]; NaN where unknown. Of a fleet there are further axes after K."""
 
-    fish: NDArray[np.floating]
-    vehicle: NDArray[np.floating]
-    belief: NDArray[np.floating]  # the estimate, not the particles
+    fish: NDArray[np.floating]  # (K, T, 2) of T tags
+    vehicle: NDArray[np.floating]  # (K, V, 2) of V vehicles
+    belief: NDArray[np.floating]  # the estimate, not the particles; (K, O, T, 2) of O beliefs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
 
     The panels show all of fish and vehicle; an estimate that strays farther (mirrored, or not yet formed) is cut.
     """
-    shown = np.concatenate([path for track in tracks.values() for path in (track.fish, track.vehicle)])
+    shown = np.concatenate([path.reshape(-1, 2) for track in tracks.values() for path in (track.fish, track.vehicle)])
     low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
     margin = 0.06 * max(*(high - low), 10.0)
     low, high = low - margin, high + margin
@@ -99,13 +99,9 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
     figure, panels = empty_figure(width=width, height=height, rows=rows, columns=columns, shared=True)
     for index, (name, track) in enumerate(tracks.items()):
         axes = panels[index]
-        axes.plot(*track.fish.T, color=FISH, lw=3.0, label="fish")
-        axes.plot(*track.vehicle.T, color=VEHICLE, lw=1.2, label="vehicle")
-        axes.plot(*track.belief.T, color=INK, lw=0.9, label="estimate")
-        for path, colour in ((track.fish, FISH), (track.vehicle, VEHICLE)):
-            axes.plot(*path[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
-            axes.plot(*path[-1], "s", color=colour, ms=5, zorder=4)
-        error = np.nanmean(np.hypot(*(track.belief - track.fish).T))
+        _draw_paths(axes, track)
+        fish = track.fish if track.belief.ndim == 2 else track.fish[:, None]
+        error = np.nanmean(np.linalg.norm(track.belief - fish, axis=-1))
         digits = ".3g" if error < 1000 else ".0f"
         axes.set_title(f"{name}\nmean error {error:{digits}} m", fontsize=10, color=INK)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
@@ -125,6 +121,19 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
     if title:
         figure.suptitle(title, color=INK, fontsize=11)
     return figure
+
+
+def _draw_paths(axes: Axes, track: Track) -> None:
+    """Lines of all fish, vehicles and estimates, and where the first two begin and end."""
+    looks = ((track.fish, FISH, 3.0, "fish"), (track.vehicle, VEHICLE, 1.2, "vehicle"), (track.belief, INK, 0.9, "estimate"))
+    for paths, colour, width, name in looks:
+        each = paths.reshape(len(paths), -1, 2).swapaxes(0, 1)
+        for index, path in enumerate(each):
+            axes.plot(*path.T, color=colour, lw=width, label=None if index else name)
+    for paths, colour in ((track.fish, FISH), (track.vehicle, VEHICLE)):
+        first, last = (paths[k].reshape(-1, 2).T for k in (0, -1))
+        axes.plot(*first, "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
+        axes.plot(*last, "s", color=colour, ms=5, zorder=4)
 
 
 def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], levels: Mapping[str, float]) -> Figure:

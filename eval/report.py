@@ -32,6 +32,7 @@ def benchmark_document(
     together: Sequence[str] = (),
     particles: int,
     tracks: Mapping[str, Any] | None = None,
+    fleet: Mapping[str, Any] | None = None,
     versions: Mapping[str, str],
     policies: Mapping[str, Mapping[str, Interval]],
     ratios: Mapping[str, Interval],
@@ -40,6 +41,7 @@ def benchmark_document(
 
     Args:
         tracks: which recorded animals the fish were (`Task.describe_tracks`).
+        fleet: how many vehicles and tags (`comparison.describe_fleet`); left out of the document where there is one of each.
         policies: figures by policy, in the order of the table (`metrics.summarize`).
         ratios: keyed `FIRST/NAME` (`metrics.ratios_to_first`).
     """
@@ -51,6 +53,7 @@ def benchmark_document(
         "together": list(together),
         "particles": particles,
         "tracks": None if tracks is None else dict(tracks),
+        **({} if fleet is None else {"fleet": dict(fleet)}),
         "versions": dict(versions),
         "policies": {
             policy: {figure: interval.to_json() for figure, interval in figures.items()}
@@ -64,7 +67,7 @@ def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
     """Header and one row per policy, as text; what no policy has (a perimeter, a second policy) gets no column."""
     policies = document["policies"]
     first = next(iter(policies))
-    columns = [
+    columns: list[tuple[str, str, float]] = [
         ("mean error [m]", "mean_error_m", 1),
         ("median [m]", "median_error_m", 1),
         ("95 % [m]", "p95_error_m", 1),
@@ -73,6 +76,8 @@ def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
         ("mean range [m]", "mean_range_m", 1),
         ("inside perimeter [%]", "inside_perimeter", 100),
     ]
+    if fleet := document.get("fleet"):
+        columns = [column for column in columns if column[1] != "lost_fraction"] + fleet_columns(fleet)
     known = {name for figures in policies.values() for name, figure in figures.items() if figure["value"] is not None}
     columns = [column for column in columns if column[1] in known]
     header = ["policy", *(title for title, _, _ in columns)]
@@ -91,6 +96,27 @@ def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
+def fleet_columns(fleet: Mapping[str, Any]) -> list[tuple[str, str, float]]:
+    """Title, figure and scale of the further columns of a fleet: what it cannot have gets none."""
+    columns: list[tuple[str, str, float]] = [("lost [%]", "tag_lost_fraction", 100)]
+    if fleet["tags"] > 1:
+        columns.append(("worst tag [m]", "worst_tag_error_m", 1))
+    if fleet["vehicles"] > 1:
+        columns += [("too near [1/h]", "encroachments_per_hour", 1), ("messages [1/h]", "messages_per_hour", 1)]
+    return columns
+
+
+def fleet_note(fleet: Mapping[str, Any]) -> str:
+    """A few words on who took part, and how their columns are read."""
+    vehicles, tags = (f"{fleet[what]} {what[:-1] if fleet[what] == 1 else what}" for what in ("vehicles", "tags"))
+    text = f" {vehicles}, {tags}, modem {fleet['modem']}: errors are means over tags and over the vehicles' beliefs,"
+    if fleet["tags"] > 1:
+        text += " lost is the share of time, mean over tags, worst the tag known worst in each episode;"
+    if fleet["vehicles"] > 1:
+        text += " how often vehicles came too near one another and what they sent are sums over all;"
+    return f"{text} the range is the nearest vehicle's to the nearest fish."
+
+
 def caption(document: Document) -> str:
     """A few sentences that say what the table was made from and how it is read."""
     later = f"from step {first_step} on, " if (first_step := document.get("from_step")) else ""
@@ -98,6 +124,8 @@ def caption(document: Document) -> str:
         f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, {later}"
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals over episodes."
     )
+    if fleet := document.get("fleet"):
+        text += fleet_note(fleet)
     if document["ratios"]:
         first = next(iter(document["policies"]))
         text += f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better."
@@ -198,7 +226,7 @@ def interval_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
 
 def _stacked(text: str) -> str:
     """An interval below its figure and a title over several lines: nine columns have to fit a terminal of 80."""
-    for mark in (" [", " range", " error", " perimeter", " policy"):
+    for mark in (" [", " range", " error", " perimeter", " policy", " near", " tag"):
         text = text.replace(mark, "\n" + mark.strip())
     return text
 

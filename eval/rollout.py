@@ -16,6 +16,7 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.step_log import EpisodeLog
 from tagtrack.policies.protocol import Policy
 
 PolicyMaker = Callable[[Simulation], Policy]
@@ -51,7 +52,10 @@ def run_seed(block: SeedBlock, seed: int) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """What a roll-out keeps of E episodes of K steps, beside the record of errors."""
+    """What a roll-out keeps of E episodes of K steps, beside the record of errors.
+
+    Of a fleet with O beliefs, V vehicles and T tags the axes O, T (estimate, mean, covariance), T (fish) or V (vehicle) follow K.
+    """
 
     record: EpisodeRecord
     estimate: np.ndarray  # (E, K, 2) what the filter reports [m]
@@ -94,7 +98,7 @@ def roll_out(
     """Run a policy (deterministic) over whole episodes and record localization error and range.
 
     Args:
-        task: scenario and tracks; one vehicle and one tag.
+        task: scenario and tracks.
         contestant: makes a policy, given the batch's ``Simulation``; or a ``Localizer``, whose record has no range.
         episodes: E. seed: of episode 0. batch: worlds that run at once (results do not depend on it).
         on_step: called with the number of env steps done at each step, for progress bars.
@@ -165,33 +169,22 @@ def _run(
 ) -> tuple[EpisodeRecord, dict[str, np.ndarray]]:
     if episodes < 1:
         raise ValueError(f"episodes must be at least 1, got {episodes}")
-    steps = task.scenario.episode_steps
-    error = np.empty((episodes, steps))
-    distance = np.empty((episodes, steps))
-    reward = np.empty((episodes, steps))
-    shapes = {"estimate": (2,), "fish": (2,), "vehicle": (2,), "mean": (2,), "covariance": (2, 2)} if traced else {}
-    kept = {name: np.empty((episodes, steps, *shape)) for name, shape in shapes.items()}
+    steps, fleet = task.scenario.episode_steps, task.scenario.vehicles
+    log = EpisodeLog(task.scenario, episodes, traced=traced)
     for first in range(0, episodes, batch):
         rows = slice(first, min(first + batch, episodes))
         simulation = Simulation(task.scenario, rows.stop - first, threads=threads, tracks=task.tracks)
+        worlds, components = simulation.num_worlds, len(simulation.action_names)
         observation = simulation.reset(seed + first)
         policy = make_policy(simulation)
-        state, starts = None, np.ones(simulation.num_worlds, bool)
+        state, starts = None, np.ones(worlds * fleet, bool)
         for step in range(steps):
-            actions, state = policy.predict(observation[:, 0], state, starts, deterministic=True)
-            starts = np.zeros(simulation.num_worlds, bool)
-            simulation.step(actions[:, np.newaxis])
+            actions, state = policy.predict(observation.reshape(worlds * fleet, -1), state, starts, deterministic=True)
+            starts = np.zeros(worlds * fleet, bool)
+            simulation.step(np.reshape(actions, (worlds, fleet, components)))
             observation = simulation.observation
-            error[rows, step] = simulation.error[:, 0, 0]
-            distance[rows, step] = simulation.range[:, 0, 0]
-            reward[rows, step] = simulation.reward[:, 0]
-            if traced:
-                kept["estimate"][rows, step] = simulation.estimate[:, 0, 0]
-                kept["fish"][rows, step] = simulation.fish_position[:, 0]
-                kept["vehicle"][rows, step] = simulation.vehicle_position[:, 0]
-                kept["mean"][rows, step] = simulation.mean[:, 0, 0]
-                kept["covariance"][rows, step] = simulation.covariance[:, 0, 0]
+            log.note(rows, step, simulation)
             if on_step is not None:
-                on_step(simulation.num_worlds)
+                on_step(worlds)
         simulation.close()
-    return EpisodeRecord(error=error, range=distance, reward=reward), kept
+    return log.record(), log.kept

@@ -16,8 +16,11 @@ import rich
 import tyro
 
 import tagtrack  # noqa: F401  registers the ids
+from tagtrack.envs.frame import Frame
+from tagtrack.envs.layout import action_names
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
+from tagtrack.eval.comparison import describe_fleet
 from tagtrack.eval.filter_bank import FilterBank, ReferenceBank
 from tagtrack.eval.options import TaskOptions
 from tagtrack.eval.report import as_console_table, write_json
@@ -66,9 +69,10 @@ class Speed:
         if self.rounds < 1 or not 0 < self.seconds < 3600:
             raise ValueError(f"--rounds must be at least 1 and --seconds positive, got {self.rounds} and {self.seconds}")
         require_writable_file(self.json)
-        rows = [self.measure(task, *subject) for subject in self.subjects()]
+        rows = [self.measure(task, *subject) for subject in self.subjects(task)]
         document = {
             "env": self.task.env_id,
+            **({"fleet": describe_fleet(task.scenario)} if is_fleet(task) else {}),
             "machine": describe_machine(),
             "versions": collect_versions(),
             "reference_particle_updates_per_s": float(np.median([row.pop("reference") for row in rows])),
@@ -79,16 +83,18 @@ class Speed:
             write_json(self.json, document)
             print(f"written: {self.json}")
 
-    def subjects(self) -> Iterator[tuple[str, int, int]]:
+    def subjects(self, task: Task) -> Iterator[tuple[str, int, int]]:
         """Kind, worlds and threads of each row."""
         for kind in ("filter", "env"):
             yield from ((kind, b, threads) for b in self.num_worlds for threads in self.threads if threads <= b)
-        yield "vector", max(self.num_worlds), 1
-        yield "gym", 1, 1
+        if not is_fleet(task):  # these show one vehicle
+            yield "vector", max(self.num_worlds), 1
+            yield "gym", 1, 1
 
     def measure(self, task: Task, kind: str, num_worlds: int, threads: int) -> dict[str, Any]:
         """Time one row."""
         particles = task.scenario.belief.particles
+        beliefs = task.scenario.owners * task.scenario.targets if kind == "env" else 1
         with self._subject(task, kind, num_worlds, threads) as step:
             pace = time_in_turn(step, ReferenceBank(particles).step, rounds=self.rounds, seconds=self.seconds)
         return {
@@ -98,8 +104,9 @@ class Speed:
             "particles": particles,
             "threads": threads,
             "env_steps_per_s": pace.steps_per_s * num_worlds,
-            "particle_updates_per_s": pace.steps_per_s * num_worlds * particles,
-            "ratio_to_reference": pace.ratio * num_worlds,
+            **({"beliefs": beliefs} if is_fleet(task) else {}),
+            "particle_updates_per_s": pace.steps_per_s * num_worlds * beliefs * particles,
+            "ratio_to_reference": pace.ratio * num_worlds * beliefs,
             "reference": pace.reference_steps_per_s * particles,
         }
 
@@ -125,15 +132,21 @@ class Speed:
             env.close()
 
 
+def is_fleet(task: Task) -> bool:
+    """Whether there are several vehicles or tags."""
+    return task.scenario.vehicles > 1 or task.scenario.targets > 1
+
+
 def pursuit_action(task: Task) -> np.ndarray:
-    """Straight at the mean of the belief, at full speed."""
-    return np.array((1.0, 0.0, 1.0) if task.scenario.speed_control else (1.0, 0.0), np.float32)
+    """Straight at the mean of the belief, at full speed; where courses are relative to the heading, round on the spot."""
+    ahead, port = (0.0, 1.0) if task.scenario.frame == Frame.HEADING else (1.0, 0.0)
+    return np.array([{"ahead": ahead, "port": port}.get(name, 1.0) for name in action_names(task.scenario)], np.float32)
 
 
 def step_simulation(simulation: Simulation, seed: int) -> Step:
-    """A function that steps all worlds in pursuit and begins new episodes when the old ones are over."""
+    """A function that steps all worlds by one action and begins new episodes when the old ones are over."""
     task = Task(simulation.scenario, None)
-    actions = np.tile(pursuit_action(task), (simulation.num_worlds, 1, 1))
+    actions = np.tile(pursuit_action(task), (simulation.num_worlds, simulation.scenario.vehicles, 1))
     simulation.reset(seed)
     clock = simulation.worlds.clock
 
@@ -168,12 +181,16 @@ def describe_machine() -> dict[str, Any]:
 
 def print_speed(document: dict[str, Any]) -> None:
     """The rows as a table."""
-    header = ["kind", "worlds", "threads", "particles", "env\nsteps/s", "particle\nupdates/s", "ratio to\nreference"]
+    fleet = document.get("fleet")
+    steps = "joint\nsteps/s" if fleet else "env\nsteps/s"
+    header = ["kind", "worlds", "threads", *(["beliefs"] if fleet else []), "particles", steps]
+    header += ["particle\nupdates/s", "ratio to\nreference"]
     rows = [
         [
             row["kind"],
             str(row["num_worlds"]),
             str(row["threads"]),
+            *([str(row["beliefs"])] if fleet else []),
             str(row["particles"]),
             f"{row['env_steps_per_s']:,.0f}",
             f"{row['particle_updates_per_s'] / 1e6:.1f} M",
@@ -181,9 +198,13 @@ def print_speed(document: dict[str, Any]) -> None:
         ]
         for row in document["rows"]
     ]
-    kinds = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items())
+    shown = {row["kind"] for row in document["rows"]}
+    kinds = "; ".join(f"{kind}: {meaning}" for kind, meaning in KINDS.items() if kind in shown)
+    who = f", {fleet['vehicles']} x {fleet['tags']} (vehicles x tags), modem {fleet['modem']}," if fleet else ""
     note = (
-        f"{document['env']} on {document['machine']['processor']}, {document['machine']['cores']} cores. Reference: "
+        f"{document['env']}{who} on {document['machine']['processor']}, {document['machine']['cores']} cores. Reference: "
         f"{document['reference_particle_updates_per_s'] / 1e6:.2f} M particle updates/s. {kinds}."
     )
+    if fleet:
+        note += " A joint step is one of all vehicles of a world; beliefs are those of one world."
     rich.print(as_console_table(header, rows, note))

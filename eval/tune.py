@@ -12,20 +12,25 @@ import rich
 import tyro
 
 from tagtrack.baselines.registry import BASELINES, LEADING_PARAMETERS
-from tagtrack.eval.comparison import Comparison, compare
+from tagtrack.eval.comparison import Comparison, compare, describe_fleet
 from tagtrack.eval.metrics import Bootstrap, Interval, paired_ratio
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, interval_cell, value_cell, write_json
+from tagtrack.eval.report import as_console_table, fleet_columns, fleet_note, interval_cell, value_cell, write_json
 from tagtrack.eval.rollout import SeedBlock
 from tagtrack.eval.versions import collect_versions
 
-# What is tried without --values, by parameter: metres, degrees, pings.
+# What is tried without --values, by parameter: metres, degrees, pings, seconds.
 USUAL_VALUES: Mapping[str, tuple[float, ...]] = {
     "radius": (5, 7, 10, 14, 20, 28, 40, 56, 80),
     "tau": (5, 10, 15, 20, 25, 30, 35, 40, 45),  # beyond, the steps are never steered: pursuit
     "perimeter": (0, 5, 10, 15, 20, 30, 40),
     "horizon": (1, 2, 3, 5, 8, 13),
+    "radius_step": (0, 2, 5, 10, 20),
+    "spacing": (0, 0.15, 0.3, 0.45, 0.6),
+    "hold": (6, 12, 20, 30, 60, 120),
+    "watch": (6, 12, 20, 30, 60, 120),
+    "per_metre": (0, 0.05, 0.1, 0.2, 0.4, 0.7),
 }
 
 
@@ -105,11 +110,13 @@ def tuning_document(comparison: Comparison, specs: Mapping[str, float], versions
         if reward is not None:
             figures["mean_reward"] = Bootstrap().mean(reward.mean(axis=1)).to_json()
         rows.append({"policy": spec, "value": value, **figures, "best_over_this": ratio.to_json()})
+    fleet = describe_fleet(comparison.task.scenario)
     return {
         "env": comparison.env,
         "episodes": comparison.episodes,
         "seed": comparison.seed,
         "particles": comparison.task.scenario.belief.particles,
+        **({} if fleet is None else {"fleet": fleet}),
         "versions": dict(versions),
         "best": best,
         "values": rows,
@@ -124,7 +131,11 @@ def best_policy(comparison: Comparison) -> str:
 
 def print_tuning(document: Mapping[str, Any]) -> None:
     """A table of all values, and the best in a sentence."""
-    columns = [("median [m]", "median_error_m", 1), ("lost [%]", "lost_fraction", 100), ("range [m]", "mean_range_m", 1)]
+    fleet = document.get("fleet")
+    columns: list[tuple[str, str, float]] = [("median [m]", "median_error_m", 1), ("lost [%]", "lost_fraction", 100)]
+    columns.append(("range [m]", "mean_range_m", 1))
+    if fleet:
+        columns = [column for column in columns if column[1] != "lost_fraction"] + fleet_columns(fleet)
     if document["values"][0]["inside_perimeter"]["value"] is not None:
         columns.append(("inside perimeter [%]", "inside_perimeter", 100))
     columns.append(("reward", "mean_reward", 1))
@@ -138,7 +149,7 @@ def print_tuning(document: Mapping[str, Any]) -> None:
     note = (
         f"{document['episodes']} paired episodes of {document['env']} for tuning, seed {document['seed']}, "
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals. The ratio is the best mean error over the "
-        "row's: where its interval reaches 1 the row may be as good."
+        f"row's: where its interval reaches 1 the row may be as good.{fleet_note(fleet) if fleet else ''}"
     )
     rich.print(as_console_table(header, rows, note))
     best = next(row for row in document["values"] if row["policy"] == document["best"])

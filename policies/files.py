@@ -23,6 +23,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as weights_from_bytes
 from safetensors.numpy import save as weights_to_bytes
 
+from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.network import SQUASHES, NetworkPolicy
 
 FORMAT_VERSION = 1
@@ -39,6 +40,21 @@ _DESCRIPTION_TYPES: dict[str, type] = {
     "hidden": list,
     "activation": str,
     "squash": str,
+}
+# Those of a policy for fleets, which ``network`` tells apart.
+ENTITIES = "entities"
+_ENTITY_TYPES: dict[str, type] = {
+    "format_version": int,
+    "network": str,
+    "algorithm": str,
+    "env_id": str,
+    "observation_features": list,
+    "action_names": list,
+    "own_names": list,
+    "tag_names": list,
+    "mate_names": list,
+    "width": int,
+    "hold": int,
 }
 _SUM_KEYS = ("description_sha256", "weights_sha256", "previous_weights_sha256")
 _AGAIN = "copy the policy's folder again, or train again"
@@ -81,7 +97,7 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> None:
             path.unlink(missing_ok=True)
 
 
-def save_policy(folder: str | os.PathLike[str], policy: NetworkPolicy) -> None:
+def save_policy(folder: str | os.PathLike[str], policy: NetworkPolicy | EntityPolicy) -> None:
     """Write a policy into a folder, which is made if missing; a policy already there is replaced.
 
     A kill at any moment leaves the folder with the old policy or the new one, as long as both have the same
@@ -113,12 +129,13 @@ def load_policy(
     action_names: Sequence[str] | None = None,
     env_id: str | None = None,
     seed: int = 0,
-) -> NetworkPolicy:
+) -> NetworkPolicy | EntityPolicy:
     """Read the policy that `save_policy` wrote; never executes anything from the files.
 
     Args:
         folder: where `policy.safetensors` and `policy.json` lie.
-        observation_features: (D,) names the environment gives its observation, in order; None: any layout will do.
+        observation_features: (D,) names the environment gives its observation, in order; None: any layout will do. A policy
+            for fleets takes any number of tags and teammates that are described as those were on which it was trained.
         action_names: (A,) names of the environment's actions, in order; None: any.
         env_id: the environment's id, for error messages alone: a policy may run on any environment of its layout.
         seed: of the policy's draws when it is not deterministic.
@@ -128,9 +145,13 @@ def load_policy(
     """
     folder = Path(folder)
     description, sums = _read_description(folder)
-    _require_layout(folder, description, "observation_features", "observation", observation_features, env_id)
+    entities = description.get("network") == ENTITIES
+    if not entities:
+        _require_layout(folder, description, "observation_features", "observation", observation_features, env_id)
     _require_layout(folder, description, "action_names", "action", action_names, env_id)
     weights = _read_weights(folder, sums)
+    if entities:
+        return _entity_policy(folder, description, weights, observation_features, seed)
     try:
         return NetworkPolicy(
             algorithm=description["algorithm"],
@@ -146,7 +167,41 @@ def load_policy(
         raise ValueError(f"{folder}: {DESCRIPTION_FILE} and {WEIGHTS_FILE} hold no policy: {error}") from error
 
 
-def _describe(policy: NetworkPolicy) -> dict[str, Any]:
+def _entity_policy(
+    folder: Path, description: dict[str, Any], weights: dict[str, np.ndarray], names: Sequence[str] | None, seed: int
+) -> EntityPolicy:
+    try:
+        return EntityPolicy(
+            env_id=description["env_id"],
+            observation_features=tuple(names if names is not None else description["observation_features"]),
+            action_names=tuple(description["action_names"]),
+            own_names=tuple(description["own_names"]),
+            tag_names=tuple(description["tag_names"]),
+            mate_names=tuple(description["mate_names"]),
+            width=description["width"],
+            hold=description["hold"],
+            weights=weights,
+            seed=seed,
+        )
+    except ValueError as error:
+        raise ValueError(f"the policy in {folder} cannot steer this fleet: {error}") from error
+
+
+def _describe(policy: NetworkPolicy | EntityPolicy) -> dict[str, Any]:
+    if isinstance(policy, EntityPolicy):
+        return {
+            "format_version": FORMAT_VERSION,
+            "network": ENTITIES,
+            "algorithm": "ppo",
+            "env_id": policy.env_id,
+            "observation_features": list(policy.observation_features),
+            "action_names": list(policy.action_names),
+            "own_names": list(policy.own_names),
+            "tag_names": list(policy.tag_names),
+            "mate_names": list(policy.mate_names),
+            "width": policy.width,
+            "hold": policy.hold,
+        }
     return {
         "format_version": FORMAT_VERSION,
         "algorithm": policy.algorithm,
@@ -190,20 +245,21 @@ def _read_description(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
             f"{file} has format version {version!r}, this program reads {FORMAT_VERSION}: "
             "use the version of tagtrack that wrote it, or train the policy again"
         )
-    for key in (*_DESCRIPTION_TYPES, *_SUM_KEYS):
+    types = _ENTITY_TYPES if content.get("network") == ENTITIES else _DESCRIPTION_TYPES
+    for key in (*types, *_SUM_KEYS):
         if key not in content:
             raise ValueError(f"{file} has no {key!r}: {_AGAIN}")
     for key in content:
-        if key not in _DESCRIPTION_TYPES and key not in _SUM_KEYS:
+        if key not in types and key not in _SUM_KEYS:
             raise ValueError(f"{file} has an unknown key {key!r}: remove it")
-    for key, kind in _DESCRIPTION_TYPES.items():
+    for key, kind in types.items():
         if type(content[key]) is not kind:
             raise ValueError(f"{file}: {key!r} must be {kind.__name__}, got {type(content[key]).__name__}: {_AGAIN}")
-    description = {key: content[key] for key in _DESCRIPTION_TYPES}
+    description = {key: content[key] for key in types}
     if content["description_sha256"] != _sum_of_description(description):
         raise ValueError(f"{file} was changed after it was saved (description_sha256 differs): {_AGAIN}")
     algorithm = description["algorithm"]
-    if algorithm in SQUASHES and description["squash"] != SQUASHES[algorithm]:
+    if "squash" in types and algorithm in SQUASHES and description["squash"] != SQUASHES[algorithm]:
         raise ValueError(
             f"{file}: squash of {algorithm} must be {SQUASHES[algorithm]!r}, got {description['squash']!r}"
         )

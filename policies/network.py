@@ -78,7 +78,7 @@ class NetworkPolicy:
             actions=len(self.action_names),
             squash=self.squash,
         )
-        _require_weights(self.weights, shapes)
+        require_weights(self.weights, shapes)
         weights = {name: np.array(self.weights[name], order="C") for name in shapes}
         for array in weights.values():
             array.setflags(write=False)
@@ -166,7 +166,7 @@ def _require_names(name: str, values: Any) -> None:
         raise ValueError(f"{name} must differ from each other, got {twice!r} twice")
 
 
-def _require_weights(weights: Mapping[str, np.ndarray], shapes: dict[str, tuple[int, ...]]) -> None:
+def require_weights(weights: Mapping[str, np.ndarray], shapes: dict[str, tuple[int, ...]]) -> None:
     for name in shapes:
         if name not in weights:
             raise ValueError(f"weight {name!r} is missing")

@@ -39,12 +39,14 @@ MAY_IMPORT = {
 # Inside envs/, ground floor first: a module may import from its own floor and from those below.
 FLOORS = (
     ("kernels", "validation", "workers", "csv_table"),
-    ("measurement", "tag", "feature", "model"),
+    ("measurement", "message", "tag", "feature", "frame", "model"),
     ("motions", "sensors", "rewards"),
     ("sim", "belief"),  # the truth and what is believed of it: the wall below keeps them apart
     ("scenario",),
     ("layout", "observation", "overrides", "presets"),
-    ("world", "world_rule"),
+    ("world_rule", "world_state"),
+    ("sensing", "exchange", "believing", "referee"),
+    ("world",),
     ("simulation",),
     ("task", "legend", "spaces", "telling"),
     ("rendering",),
@@ -55,7 +57,7 @@ FLOORS = (
 
 # The wall: whoever stands on one side imports nothing from the other, directly or through others. Where the two sides meet, in
 # the parameters of a scenario and in the step of a world, a function may be handed both.
-BELIEVERS = ("tagtrack.envs.belief", "tagtrack.envs.observation")
+BELIEVERS = ("tagtrack.envs.belief", "tagtrack.envs.observation", "tagtrack.envs.believing")
 WORLD = ("tagtrack.envs.sim",)
 # Names and bounds of the observation follow from a whole scenario, which holds both sides' parameters.
 BESIDE_THE_WALL = ("tagtrack.envs.layout",)

@@ -100,12 +100,12 @@ def resumed_config(given: TrainConfig, saved: TrainConfig) -> TrainConfig:
 
 def check(config: TrainConfig) -> tuple[Task, Settings]:
     """Task and hyper-parameters of a run that can be run. Raises ValueError or OSError with one line on what cannot."""
-    from tagtrack.envs.task import build_task, parse_overrides, require_single
+    from tagtrack.envs.task import build_task, parse_overrides
     from tagtrack.eval.rollout import SeedBlock, run_seed
     from tagtrack.train.memory import require_size
     from tagtrack.train.settings import find_settings, fit_to_steps
 
-    settings = fit_to_steps(find_settings(config), keep_worlds=config.num_envs is not None)
+    find_settings(config)  # what is wrong with them is said before anything is read
     task = build_task(
         config.env,
         preset=config.preset,
@@ -113,8 +113,11 @@ def check(config: TrainConfig) -> tuple[Task, Settings]:
         tracks=config.tracks,
         time_scale=config.time_scale,
         overrides=parse_overrides(flatten(config.set), config.motion),
+        vehicles=config.vehicles,
+        tags=config.tags,
+        modem=config.modem,
     )
-    require_single(task.scenario, "python -m train")
+    settings = fit_to_steps(find_settings(config, task.scenario), keep_worlds=config.num_envs is not None)
     require_size(task.scenario, settings)
     if config.threads < 1:
         raise ValueError(f"--threads must be at least 1, got {config.threads}")

@@ -12,24 +12,34 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from tagtrack.envs.layout import feature_names
 from tagtrack.train.checkpoint import Checkpoint
+from tagtrack.train.entity_network import EntityActorCritic
 from tagtrack.train.settings import PPOSettings, Settings
+from tagtrack.train.vec_env import TagTrackVecEnv
 
 
-def build_model(settings: Settings, env: VecEnv, seed: int, device: str) -> BaseAlgorithm:
+def build_model(settings: Settings, env: TagTrackVecEnv, seed: int, device: str) -> BaseAlgorithm:
     """A fresh PPO or SAC whose untrained policy steers straight for the belief (pursuit).
 
+    For a fleet, and where decisions are held, PPO's network is the one that takes entities as sets (``entity_network.py``).
+
     Args:
-        settings: as ``fit_to_steps`` leaves them: a rollout is whole steps of all worlds.
+        settings: as ``fit_to_steps`` leaves them: a rollout is whole steps of all rows.
     """
-    network = {"net_arch": [settings.width, settings.width], "activation_fn": torch.nn.ReLU}  # a third faster than tanh here
+    # Relu: a third faster than tanh here.
+    network: dict[str, Any] = {"net_arch": [settings.width, settings.width], "activation_fn": torch.nn.ReLU}
     if isinstance(settings, PPOSettings):
         first, last = settings.learning_rate, 0.1 * settings.learning_rate
+        scenario = env.simulation.scenario
+        entities = scenario.vehicles * scenario.targets > 1 or settings.hold > 1
+        if entities:
+            network = {"names": feature_names(scenario), "width": settings.width, "ahead": settings.ahead}
         with even_batches():
             ppo = PPO(
-                "MlpPolicy",
+                EntityActorCritic if entities else "MlpPolicy",
                 env,
-                n_steps=settings.rollout // settings.num_envs,
+                n_steps=settings.rollout // env.num_envs,
                 batch_size=settings.batch_size,
                 n_epochs=settings.epochs,
                 gamma=settings.gamma,
@@ -41,9 +51,10 @@ def build_model(settings: Settings, env: VecEnv, seed: int, device: str) -> Base
                 seed=seed,
                 device=device,
             )
-        with torch.no_grad():
-            head: Any = ppo.policy.action_net  # torch types attributes of a module as tensor or module
-            head.bias[0] = settings.ahead
+        if not entities:
+            with torch.no_grad():
+                head: Any = ppo.policy.action_net  # torch types attributes of a module as tensor or module
+                head.bias[0] = settings.ahead
         return ppo
     sac = SAC(
         "MlpPolicy",
@@ -94,7 +105,7 @@ def load_model(settings: Settings, checkpoint: Checkpoint, env: VecEnv, device: 
         if isinstance(settings, PPOSettings):
             # More steps than before may bring longer rollouts in more worlds.
             changed: dict[str, Any] = {
-                "n_steps": settings.rollout // settings.num_envs,
+                "n_steps": settings.rollout // env.num_envs,
                 "batch_size": settings.batch_size,
             }
             with even_batches():

@@ -56,6 +56,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
         seed=config.seed,
         episodes=settings.validation_episodes,
         resumed=None if checkpoint is None else checkpoint.progress,
+        hold=settings.hold if isinstance(settings, PPOSettings) else 1,
     )
     if isinstance(settings, PPOSettings):
         print(describe_updates(settings, model.num_timesteps), flush=True)
@@ -75,7 +76,10 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
 
 def make_env(config: TrainConfig, settings: Settings, task: Task) -> TagTrackVecEnv:
     """The worlds to train in."""
-    return TagTrackVecEnv(task, settings.num_envs, threads=config.threads, stagger=True)
+    vehicles = task.scenario.vehicles
+    rows = max(1, settings.num_envs // vehicles) * vehicles
+    hold = settings.hold if isinstance(settings, PPOSettings) else 1
+    return TagTrackVecEnv(task, rows, threads=config.threads, stagger=True, hold=hold)
 
 
 def write_config(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder) -> None:
@@ -114,7 +118,7 @@ def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
 
 def describe_task(config: TrainConfig, task: Task) -> str:
     """The options of `python -m eval` that name the task of a run."""
-    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion")}
+    given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion", "vehicles", "tags", "modem")}
     env_id = config.env if ":" in config.env else task.env_id  # its module must be imported again
     options = [f"--env {shlex.quote(env_id)}"]
     options += [f"--{name.replace('_', '-')} {shlex.quote(str(value))}" for name, value in given.items() if value is not None]

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import full_id
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.eval.whole_number import read_whole_number
@@ -30,6 +31,7 @@ class PPOSettings:
     log_std: float = -1.0  # of the first exploration noise
     width: int = 64  # of the two hidden layers
     ahead: float = 0.5  # first bias of the action "ahead": an untrained policy pursues
+    hold: int = 1  # environment steps that a decision is held for; steps, rollouts and gamma then count decisions
     validation_episodes: int = 256
 
 
@@ -101,6 +103,7 @@ LIMITS = {
     "log_std": Limits(-10, 2),
     "width": Limits(1, 4096),
     "ahead": Limits(-10, 10),
+    "hold": Limits(1),
     "buffer": Limits(1),
     "learning_starts": Limits(0),
     "gradient_steps": Limits(1),
@@ -108,9 +111,15 @@ LIMITS = {
 }
 
 
-def find_settings(config: TrainConfig) -> Settings:
+FLEET_HOLD = 12.0  # seconds between the decisions of a fleet: commitment is what makes sharing out tags learnable
+FLEET = PPOSettings(steps=2_000_000, rollout=16384, batch_size=4096, gamma=0.98, ahead=0.5)
+
+
+def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Settings:
     """Hyper-parameters of a run: the algorithm's, the environment's or preset's, the command line's, each over the one before.
 
+    Args:
+        scenario: of the run's task, which tells whether it is a fleet's.
     Raises:
         ValueError: for an unknown name, a value of another kind or out of its range, and a name given twice.
     """
@@ -118,6 +127,8 @@ def find_settings(config: TrainConfig) -> Settings:
     settings = SETTINGS.get((full_id(config.env), config.algo), own)
     if config.preset is not None:
         settings = SETTINGS.get((config.preset, config.algo), settings)
+    if isinstance(settings, PPOSettings) and scenario is not None and scenario.vehicles * scenario.targets > 1:
+        settings = replace(FLEET, ahead=settings.ahead, hold=max(1, round(FLEET_HOLD / scenario.time_step)))
     changes = _read_hyper(config, settings)
     for name in FLAGS:
         value = getattr(config, name)

@@ -16,10 +16,12 @@ from tqdm import tqdm
 
 from tagtrack.envs.task import Task
 from tagtrack.eval.rollout import SeedBlock, roll_out, run_seed
+from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.export import from_stable_baselines3
 from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy
 from tagtrack.train.checkpoint import Progress, save_checkpoint
+from tagtrack.train.entity_network import EntityActorCritic, export_entities
 from tagtrack.train.run_folder import RunFolder
 
 
@@ -28,15 +30,16 @@ class Training(BaseCallback):
 
     Args:
         total: steps at which training ends. episodes: of each validation.
-        resumed: what was done before, of a run that goes on.
+        resumed: what was done before, of a run that goes on. hold: environment steps that a decision is held for.
     """
 
     def __init__(
-        self, folder: RunFolder, task: Task, env_id: str, *, total: int, seed: int, episodes: int, resumed: Progress | None
-    ) -> None:
+        self, folder: RunFolder, task: Task, env_id: str, *, total: int, seed: int, episodes: int,
+        resumed: Progress | None, hold: int = 1,
+    ) -> None:  # fmt: skip
         super().__init__()
         self.folder, self.task, self.env_id = folder, task, env_id
-        self.total, self.episodes = total, episodes
+        self.total, self.episodes, self.hold = total, episodes, hold
         self.validation_seed = run_seed(SeedBlock.VALIDATION, seed)
         self.interval = max(1, total // 12)
         before = resumed or Progress()
@@ -82,9 +85,11 @@ class Training(BaseCallback):
                 f"smaller learning_rate (--hyper). The best policy so far is in {self.folder.path}"
             )
 
-    def policy(self) -> NetworkPolicy:
+    def policy(self) -> NetworkPolicy | EntityPolicy:
         """The policy as it is now, in numpy."""
         simulation = self.training_env.get_attr("simulation")[0]
+        if isinstance(self.model.policy, EntityActorCritic):
+            return export_entities(self.model, env_id=self.env_id, action_names=simulation.action_names, hold=self.hold)
         return from_stable_baselines3(
             self.model,
             env_id=self.env_id,

@@ -27,6 +27,15 @@ class Past(NamedTuple):
 
 
 @compiled
+def past_of(b, o, t, worlds):
+    """The last steps of one belief."""
+    return Past(
+        worlds.past_particles[b, o, t], worlds.past_carried[b, o, t], worlds.past_beliefs[b, o, t],
+        worlds.past_listeners[b, o, t], worlds.past_measurements[b, o, t], worlds.past_poses[b, o, t],
+    )  # fmt: skip
+
+
+@compiled
 def note_own(past, step, measurements, own, shares, pose):
     """What is measured at a step, (V,), by all vehicles or by the own one alone, and where that one is."""
     place = step % past.poses.shape[0]

@@ -70,3 +70,14 @@ def ping_phase(listener, time, period, random_delay):
         return UNKNOWN_PHASE
     since_ping = (time - listener.arrival) / period
     return since_ping - math.floor(since_ping)
+
+
+@compiled
+def get_to_know(mate, pose, time):
+    """A teammate is where it says it was at a time."""
+    mate.known = True
+    mate.time = time
+    mate.x = pose.x
+    mate.y = pose.y
+    mate.heading = pose.heading
+    mate.speed = pose.speed

@@ -113,8 +113,7 @@ def is_destroyed(vehicle, targets, fish, v, t, stream, p):
         if other != t:
             distance = slant_range(vehicle, targets[other], fish[other])
             travel = distance / SOUND_SPEED
-            before = abs(targets[other].last_ping + travel - came) < p.tag.burst and targets[other].last_ping >= 0.0
-            if before or abs(targets[other].next_ping + travel - came) < p.tag.burst:
+            if overlaps(targets[other], came - travel, p.tag.burst):
                 chance, _ = uniform_pair(stream, OVERLAP, MOST * MOST * (1 + other) + place_of(v, t))
                 loud = hearing_chance(distance, False, p.water)
                 if p.calls.chance != 0:
@@ -123,6 +122,14 @@ def is_destroyed(vehicle, targets, fish, v, t, stream, p):
                 if chance < loud:
                     return True
     return False
+
+
+@compiled
+def overlaps(target, sent, burst):
+    """Whether a tag has begun, or will begin, a transmission within ``burst`` of a time [s]."""
+    last = target.last_ping >= 0.0 and abs(target.last_ping - sent) < burst
+    previous = target.previous_ping >= 0.0 and abs(target.previous_ping - sent) < burst
+    return last or previous or abs(target.next_ping - sent) < burst
 
 
 @compiled

@@ -114,9 +114,11 @@ class ModemRule:
     remembered: int = 0  # steps that a belief can go back
 
 
-def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float) -> ModemRule:
+def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float, *, at_will: bool = False) -> ModemRule:
     """The rule of a modem in a fleet whose sensor takes so many readings.
 
+    Args:
+        at_will: whether a vehicle may let its slots pass, so that what waits to be sent may grow older than a cycle.
     Raises:
         ValueError: for more vehicles than a cycle has slots, a packet too small for one measurement.
     """
@@ -124,7 +126,9 @@ def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float) -> 
         return ModemRule(shares=modem.shares)
     slots, capacity = modem.cycle_slots(vehicles), modem.capacity(readings)
     cycle, travel = slots * modem.slot, modem.largest_range / modem.sound_speed
-    age = min(modem.memory, cycle + travel)
+    oldest = math.ceil(modem.memory / time_step)  # steps; nothing comes later than a cycle after it was measured
+    if not at_will:
+        oldest = min(oldest, math.ceil((cycle + travel) / time_step) + 2)
     return ModemRule(
         talks=True,
         slot=modem.slot,
@@ -137,7 +141,7 @@ def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float) -> 
         loss_at_range=modem.loss_at_range,
         sound_speed=modem.sound_speed,
         pose_sigma=modem.pose_sigma,
-        remembered=math.ceil(age / time_step) + 3,
+        remembered=oldest + 1,
     )
 
 

@@ -212,11 +212,15 @@ def test_all_coordinates_of_a_draw_matter():
     assert len(drawn) == 4 * 3**4
 
 
+SECOND = {"JITTER": "RESAMPLE", "MODEM": "HEARING", "MODEM_POSE": "READING", "OVERLAP": "WATER"}
+
+
 def test_each_purpose_has_its_own_number_below_the_step_from_row_to_row():
     names = [name for name in vars(kernel_random) if name.isupper() and not name.startswith("_")]
-    numbers = [getattr(kernel_random, name) for name in names if name not in ("ROUNDS", "PURPOSES", "MOST", "JITTER")]
+    numbers = [getattr(kernel_random, name) for name in names if name not in ("ROUNDS", "PURPOSES", "MOST", *SECOND)]
     assert len(numbers) >= 10
     assert len(set(numbers)) == len(numbers)
     assert max(numbers) < PURPOSES
-    # Jitter stands where resampling's further rows would, which draws one number for a row under its own word alone.
-    assert kernel_random.JITTER == kernel_random.RESAMPLE + PURPOSES
+    # Others stand where the further rows of purposes would that draw under their own word alone.
+    for name, first in SECOND.items():
+        assert getattr(kernel_random, name) == getattr(kernel_random, first) + PURPOSES

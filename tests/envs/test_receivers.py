@@ -120,7 +120,8 @@ def hear(scenario: Scenario, worlds: int, steps: int) -> Course:
     for _ in range(steps):
         simulation.step(np.zeros((worlds, 1, 2), np.float32))
         pair = (slice(None), 0, 0)
-        truth, told, listener = (getattr(simulation.worlds, name)[pair] for name in ("encounters", "measurements", "listeners"))
+        truth, told = (getattr(simulation.worlds, name)[pair] for name in ("encounters", "measurements"))
+        listener = simulation.listeners[pair]
         detected, missed = told["status"] == int(Status.HEARD), listener["status"] == int(Status.MISSED)
         rows.append((truth["pinged"].copy(), detected, missed, told["readings"][:, 0].copy()))
     return Course(*(np.array(column) for column in zip(*rows, strict=True)))

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tagtrack.envs.exchange import exchange_worlds
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sim.modem import NoModem
+from tagtrack.envs.sim.modem import NoModem, TdmaModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.world import believe_worlds, sense_worlds
 from tagtrack.envs.world_state import TRUTH
@@ -24,6 +25,7 @@ TASKS = {
     "fleet of one belief": FLEET,
     "fleet of own beliefs": replace(FLEET, modem=NoModem()),
     "ranging fleet of one belief": RANGING_FLEET,
+    "ranging fleet that talks": replace(RANGING_FLEET, modem=TdmaModem(slot=5.0, loss=0.3)),
 }
 
 
@@ -61,7 +63,7 @@ def spoil_truth(simulation: Simulation, spoil: Callable[[np.ndarray], None]) -> 
     kept = {name: getattr(simulation.worlds, name).copy() for name in TRUTH}
     for name in TRUTH:
         spoil(getattr(simulation.worlds, name))
-        assert getattr(simulation.worlds, name).tobytes() != kept[name].tobytes()
+        assert kept[name].size == 0 or getattr(simulation.worlds, name).tobytes() != kept[name].tobytes()
     return kept
 
 
@@ -73,6 +75,8 @@ def restore(simulation: Simulation, kept: dict[str, np.ndarray]) -> None:
 def sense(simulation: Simulation, actions: np.ndarray) -> None:
     """The first half of a step."""
     simulation._actions[...] = actions
+    if simulation._exchange_worlds is not None:
+        exchange_worlds(0, WORLDS, *simulation._exchange_arguments, simulation._workers.scratch[0])
     sense_worlds(0, WORLDS, *simulation._step_arguments, simulation._workers.scratch[0])
 
 
@@ -134,5 +138,7 @@ def test_what_does_pass_through_the_wall_shows(name: str) -> None:
 
 def test_truth_is_all_that_neither_navigation_nor_a_measurement_nor_the_belief_is() -> None:
     """A new array of a world must be put on one side."""
-    own = {"clock", "navigation", "measurements", "beliefs", "particles", "carried", "listeners", "outlooks"}
-    assert set(begin(FLEET).worlds._fields) == {*TRUTH, *own}
+    own = {"navigation", "measurements", "beliefs", "particles", "carried", "listeners", "outlooks"}
+    talk = {"mates", "radios", "outbox", "packets", "letters", "mail", "since"}
+    past = {"past_particles", "past_carried", "past_beliefs", "past_listeners", "past_measurements", "past_poses"}
+    assert set(begin(FLEET).worlds._fields) == {"clock", *TRUTH, *own, *talk, *past}
