@@ -1,4 +1,4 @@
-"""The picture of one world: vehicles, fish, their tracks, particles, bearing fan, range ring and covariance ellipse (pygame-ce).
+"""The picture of one world: vehicles, fish, tracks, particles, bearing fan, range ring, ellipse, messages (pygame-ce).
 
 All that it draws it reads from a ``Simulation``; it changes nothing. Shapes are painted at twice the size and scaled
 down, which smooths their edges; text is written last. The legend beside the map is in ``legend.py``.
@@ -12,18 +12,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tagtrack.envs.legend import (
-    BELIEF,
     CROSS,
+    FAINT,
     FISH,
     FISH_SHAPE,
     GRID,
     INK,
+    MESSAGE,
     PANEL,
     VEHICLE,
     VEHICLE_SHAPE,
     WATER,
     Legend,
     paint_shape,
+    shade,
 )
 from tagtrack.envs.measurement import measurement
 from tagtrack.envs.sensors.sensor import Glimpse
@@ -139,6 +141,7 @@ class Picture:
         self._paint_water()
         self._paint_readings()
         self._paint_tracks()
+        self._paint_messages()
         self._paint_particles()
         self._paint_beliefs()
         self._paint_bodies()
@@ -167,6 +170,8 @@ class Picture:
         """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, and a ring at its range."""
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
         for (v, t), (place, compass, glimpse) in self._readings.items():
+            if not self._simulation.worlds.navigation["active"][self._world, v]:
+                continue
             fresh = math.exp(-self._simulation.listeners["silence"][self._world, v, t] / 30.0)  # it fades
             if glimpse.fan is not None:
                 self._paint_fan(layer, (*VEHICLE, 20 + 60 * fresh), place, compass, glimpse.fan)
@@ -187,17 +192,35 @@ class Picture:
                 for path in np.stack(track, axis=1):
                     self._pygame.draw.lines(self._canvas, colour, False, self._pixel(path).tolist(), 2 * FINE)
 
+    def _paint_messages(self) -> None:
+        """A line from sender to receiver for each packet that has come in this step."""
+        places = self._vehicle_track[-1]
+        for receiver, sender in np.argwhere(self._simulation.worlds.mail[self._world] > 0).tolist():
+            ends = self._pixel(places[[sender, receiver]]).tolist()
+            self._pygame.draw.line(self._canvas, MESSAGE, *ends, 2 * FINE)
+
+    def _believers(self) -> list[int]:
+        """The beliefs that anybody still holds."""
+        owners = self._simulation.worlds.beliefs.shape[1]
+        return [o for o in range(owners) if owners == 1 or self._simulation.worlds.navigation["active"][self._world, o]]
+
     def _paint_particles(self) -> None:
-        """Each a small square; where they are many, or weigh much, the colour is deep."""
-        pygame, count = self._pygame, self._simulation.worlds.particles.shape[-1]
+        """Each a small square; where they are many, or weigh much, the colour is deep. Each belief has a shade of its own."""
+        particles, carried = self._simulation.worlds.particles[self._world], self._simulation.worlds.carried[self._world]
+        for o in self._believers():
+            places = np.moveaxis(particles[o, :, :2], -2, -1).reshape(-1, 2)
+            self._paint_cloud(shade(o, len(particles)), places, carried[o].ravel(), particles.shape[-1])
+
+    def _paint_cloud(self, colour: Any, places: np.ndarray, carried: np.ndarray, count: int) -> None:
+        """Particles at places (M, 2) [m], ``count`` for each tag; what they carry is empty where all weigh alike."""
+        pygame = self._pygame
         stamp = np.array(list(np.ndindex(2 * FINE + 1, 2 * FINE + 1))) - FINE
-        cells = (self._pixel(self._particles()).astype(int)[:, np.newaxis] + stamp).reshape(-1, 2)
+        cells = (self._pixel(places).astype(int)[:, np.newaxis] + stamp).reshape(-1, 2)
         inside = ((cells >= 0) & (cells < SIDE)).all(axis=1)
         cell, which = np.unique(cells[inside] @ (SIDE, 1), return_inverse=True)
-        carried = self._simulation.worlds.carried[self._world].ravel()  # empty where all weigh alike
         depth = np.bincount(which, np.repeat(carried, len(stamp))[inside] if carried.size else None)
         layer = pygame.Surface((SIDE, SIDE), pygame.SRCALPHA)
-        layer.fill((*BELIEF, 0))
+        layer.fill((*colour, 0))
         alpha = pygame.surfarray.pixels_alpha(layer)
         alpha[cell // SIDE, cell % SIDE] = 215.0 * (1.0 - np.exp(-0.8 * min(1.0, (1000 / count) ** 0.5) * depth))
         del alpha  # it locks the layer
@@ -208,23 +231,33 @@ class Picture:
         simulation, world, draw = self._simulation, self._world, self._pygame.draw
         turn = np.linspace(0.0, 2.0 * math.pi, 72)
         circle = ELLIPSE * np.stack((np.cos(turn), np.sin(turn)), axis=1)
-        for o, t in np.ndindex(simulation.error.shape[1:]):
-            values, axes = np.linalg.eigh(simulation.covariance[world, o, t])
-            ellipse = simulation.mean[world, o, t] + circle * np.sqrt(np.maximum(values, 0.0)) @ axes.T
-            draw.lines(self._canvas, BELIEF, True, self._pixel(ellipse).tolist(), 2 * FINE)
-            estimate = self._pixel(simulation.estimate[world, o, t])
-            draw.line(self._canvas, INK, estimate, self._pixel(self._fish_track[-1][t]), FINE)
-            paint_shape(self._canvas, CROSS, estimate, BELIEF, FINE)
+        owners, tags = simulation.error.shape[1:]
+        for o in self._believers():
+            colour = shade(o, owners)
+            for t in range(tags):
+                values, axes = np.linalg.eigh(simulation.covariance[world, o, t])
+                ellipse = simulation.mean[world, o, t] + circle * np.sqrt(np.maximum(values, 0.0)) @ axes.T
+                draw.lines(self._canvas, colour, True, self._pixel(ellipse).tolist(), 2 * FINE)
+                estimate = self._pixel(simulation.estimate[world, o, t])
+                draw.line(self._canvas, INK, estimate, self._pixel(self._fish_track[-1][t]), FINE)
+                paint_shape(self._canvas, CROSS, estimate, colour, FINE)
 
     def _paint_bodies(self) -> None:
+        """Fish, vehicles, hollow where their part has ended, and the circles about them that somebody should keep to."""
         simulation, world = self._simulation, self._world
-        perimeter = simulation.scenario.reward.perimeter
+        perimeter, arena = simulation.scenario.reward.perimeter, simulation.scenario.vehicle.arena
+        if arena > 0:
+            turn = np.linspace(0.0, 2.0 * math.pi, 361)
+            circle = arena * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+            self._pygame.draw.lines(self._canvas, FAINT, True, self._pixel(circle).tolist(), FINE)
         for place, fish in zip(self._fish_track[-1], simulation.worlds.fish[world], strict=True):
             if perimeter > 0:
                 self._pygame.draw.circle(self._canvas, FISH, self._pixel(place), perimeter * self._scale, FINE)
             paint_shape(self._canvas, FISH_SHAPE, self._pixel(place), FISH, FINE, float(fish[2, 0]))
-        for place, vehicle in zip(self._vehicle_track[-1], simulation.worlds.vehicles[world], strict=True):
-            paint_shape(self._canvas, VEHICLE_SHAPE, self._pixel(place), VEHICLE, FINE, float(vehicle["heading"]))
+        for v, place in enumerate(self._vehicle_track[-1]):
+            colour = VEHICLE if simulation.worlds.navigation["active"][world, v] else None
+            heading = float(simulation.worlds.vehicles["heading"][world, v])
+            paint_shape(self._canvas, VEHICLE_SHAPE, self._pixel(place), colour, FINE, heading)
 
     def _write_scale(self, picture: Any) -> None:
         bar = self._bar()

@@ -27,6 +27,10 @@ from tagtrack.envs.world_rule import world_rule
 from tagtrack.envs.world_state import Outputs, make_worlds
 
 LARGEST_SEED = 2**63 - 1
+# What a copy, or a pickle in another process, makes for itself.
+CONNECTIONS = {
+    "_workers", "_reset_arguments", "_step_arguments", "_exchange_arguments", "_exchange_worlds", "_reset_worlds", "_step_worlds",
+}  # fmt: skip
 
 
 class Simulation:
@@ -52,13 +56,10 @@ class Simulation:
         self.threads = min(int(threads), self.num_worlds)
         self.features: tuple[Feature, ...] = features(scenario)
         self.action_names = action_names(scenario)
-        rule = world_rule(scenario)
-        self._parameters = to_record(rule)
         self._tracks = _track_table(scenario, tracks)
         self._places = np.array(scenario.start.places(scenario.vehicles))
         b, v, t, o = self.num_worlds, scenario.vehicles, scenario.targets, scenario.owners
-        particles = scenario.belief.particles
-        self.worlds = make_worlds(b, v, t, o, scenario.belief, rule.modem)
+        self.worlds = make_worlds(b, v, t, o, scenario.belief, world_rule(scenario).modem)
         self.outputs = Outputs(
             observation=np.zeros((b, v, len(self.features)), np.float32),
             terms=np.zeros((b, v, len(scenario.reward.names))),
@@ -67,17 +68,30 @@ class Simulation:
         )
         self._begun = np.zeros(b, bool)
         self._ready = False  # whether all have begun
-        self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
         self._actions = np.zeros((b, v, len(self.action_names)), np.float32)
         self._chosen = np.zeros(b, bool)
-        self._reset_arguments = (self._chosen, self._parameters, self._tracks, self._places, self.worlds, self.outputs)
-        self._step_arguments = (self._parameters, self._tracks, self._actions, self.worlds, self.outputs)
-        self._exchange_arguments = (self._parameters, self._actions, self.worlds)
+        self._connect()
+
+    def _connect(self) -> None:
+        """Make what is good for this object in this process alone: threads, addresses, compiled code for the arrays."""
+        b, particles = self.num_worlds, self.scenario.belief.particles
+        parameters = to_record(world_rule(self.scenario))
+        self._workers = Workers(b, self.threads, lambda: make_scratch(particles))
+        self._reset_arguments = (self._chosen, parameters, self._tracks, self._places, self.worlds, self.outputs)
+        self._step_arguments = (parameters, self._tracks, self._actions, self.worlds, self.outputs)
+        self._exchange_arguments = (parameters, self._actions, self.worlds)
         self._exchange_worlds = None
-        if scenario.modem.talks:
+        if self.scenario.modem.talks:
             self._exchange_worlds = _bind(exchange_worlds, 0, b, *self._exchange_arguments, self._workers.scratch[0])
         self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
         self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name not in CONNECTIONS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._connect()
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: np.ndarray | None = None) -> np.ndarray:
         """Begin a new episode: of ``seed`` its first, without a seed the next one (before any seed was given, of seed 0).

@@ -29,17 +29,21 @@ def tell_vehicles(simulation: Simulation) -> dict[str, np.ndarray]:
 
 def tell(simulation: Simulation) -> dict[str, np.ndarray]:
     """What Gymnasium's infos hold, (B, ...): see ``TagTrackEnv``."""
-    scenario, told = simulation.scenario, tell_vehicles(simulation)
-    names = ["localization_error", "range", *(["battery"] if "battery" in told else [])]
-    if scenario.vehicles > 1:
-        names += ["separation", "encroachments", "messages", "received"]
-    info = {name: _squeeze(told[name], simulation) for name in names}
-    info["detected"] = _squeeze(simulation.detected.copy(), simulation, tags=True)
-    info["belief_mean"] = _squeeze(_of_each(simulation.mean, scenario.vehicles), simulation, tags=True)
-    info["belief_covariance"] = _squeeze(_of_each(simulation.covariance, scenario.vehicles), simulation, tags=True)
-    if scenario.vehicles > 1:
-        info["active"] = simulation.worlds.navigation["active"].copy()
-    return info
+    vehicles = simulation.scenario.vehicles
+    info = {
+        "localization_error": simulation.outputs.outcomes["error"].copy(),
+        "range": simulation.outputs.outcomes["range"].copy(),
+        "detected": _squeeze_tags(simulation.detected, simulation),
+        "belief_mean": _squeeze_tags(_of_each(simulation.mean, vehicles), simulation),
+        "belief_covariance": _squeeze_tags(_of_each(simulation.covariance, vehicles), simulation),
+    }
+    if simulation.scenario.vehicle.battery > 0:
+        info["battery"] = simulation.worlds.navigation["battery"].copy()
+    if vehicles == 1:
+        return {name: values[:, 0] for name, values in info.items()}
+    told = tell_vehicles(simulation)
+    counts = {name: told[name] for name in ("separation", "encroachments", "messages", "received")}
+    return info | counts | {"active": simulation.worlds.navigation["active"].copy()}
 
 
 def _of_each(beliefs: np.ndarray, vehicles: int) -> np.ndarray:
@@ -47,15 +51,15 @@ def _of_each(beliefs: np.ndarray, vehicles: int) -> np.ndarray:
     return beliefs if beliefs.shape[1] == vehicles else np.repeat(beliefs, vehicles, axis=1)
 
 
-def _squeeze(values: np.ndarray, simulation: Simulation, tags: bool = False) -> np.ndarray:
-    """Values (B, V, T, ...), or (B, V) without ``tags``, without the axes of a single vehicle and a single tag."""
-    lone = ((1,) if simulation.scenario.vehicles == 1 else ()) + ((2,) if tags and simulation.scenario.targets == 1 else ())
-    return np.squeeze(values, axis=lone)
+def _squeeze_tags(values: np.ndarray, simulation: Simulation) -> np.ndarray:
+    """Values (B, V, T, ...) without the axis of a single tag."""
+    return values[:, :, 0] if simulation.scenario.targets == 1 else values
 
 
 def tell_terms(simulation: Simulation) -> dict[str, np.ndarray]:
     """The weighted terms of the reward by name, (B, V), or (B,) of a single vehicle."""
-    return {name: _squeeze(term.copy(), simulation) for name, term in simulation.reward_terms.items()}
+    own = (slice(None), 0) if simulation.scenario.vehicles == 1 else ...
+    return {name: term[own].copy() for name, term in simulation.reward_terms.items()}
 
 
 def team_reward(simulation: Simulation) -> np.ndarray:

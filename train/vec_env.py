@@ -66,6 +66,7 @@ class TagTrackVecEnv(VecEnv):
         super().__init__(rows, observation_space(task.scenario), action_space(task.scenario))
         self.episode_limit = episode_limit(task.scenario, max_episode_steps)
         self.stagger = stagger
+        self._may_leave = task.scenario.vehicle.battery > 0
         self._begun = False
         self._made = time.perf_counter()
         self._head_start = np.zeros(worlds, np.int64)  # steps by which a staggered episode is shorter
@@ -104,11 +105,13 @@ class TagTrackVecEnv(VecEnv):
         for _ in range(self.hold):
             simulation.step(actions if held is None else held.apply(actions))
             reward += self._count(~ended)
-            for world in np.flatnonzero(self._has_ended() & ~ended).tolist():
-                ended[world] = True
-                self._report(world, infos)
-            if ended.all():
-                break
+            just_ended = self._has_ended() & ~ended
+            if just_ended.any():
+                for world in np.flatnonzero(just_ended).tolist():
+                    self._report(world, infos)
+                ended |= just_ended
+                if ended.all():
+                    break
         if ended.any():
             simulation.reset(mask=ended)
             self._head_start[ended] = 0
@@ -123,17 +126,19 @@ class TagTrackVecEnv(VecEnv):
     def _count(self, going: np.ndarray) -> np.ndarray:
         """(B, V) the last step's reward, 0 where the episode of a world is no longer ``going``; it is added to the episode's."""
         simulation = self.simulation
-        part = going[:, np.newaxis] & ~simulation.worlds.vehicles["gone"]
-        reward = np.where(part, simulation.reward, 0.0)
+        reward, error, part = simulation.reward, simulation.outputs.outcomes["error"], np.True_
+        if self._may_leave or self.hold > 1:
+            part = going[:, np.newaxis] & ~simulation.worlds.vehicles["gone"]
+            reward, error = np.where(part, reward, 0.0), np.where(part, error, 0.0)
         self._return += reward
-        self._error += np.where(part, simulation.outputs.outcomes["error"], 0.0)
+        self._error += error
         self._length += part
         return reward
 
     def _has_ended(self) -> np.ndarray:
         """(B,) bool."""
         late = self.simulation.worlds.clock["step"] + self._head_start >= self.episode_limit
-        return late | all_have_left(self.simulation)
+        return late | all_have_left(self.simulation) if self._may_leave else late
 
     def _forget(self, worlds: np.ndarray) -> None:
         """Begin new sums in the chosen worlds."""

@@ -140,7 +140,7 @@ class PresenceReceiver(Sensor):
     # Whether a Cauchy distribution weighs, as in the published code of Masmitja, in place of Eq. 22's normal one.
     heavy_tails: bool = read_by(BELIEF, False)
     name: ClassVar[str] = "presence"
-    legend: ClassVar[str] = "believed range when heard"
+    legend: ClassVar[str] = "range, when heard"
     read: ClassVar[Native | None] = read
     weigh: ClassVar[Native | None] = weigh
     chance: ClassVar[Native | None] = chance

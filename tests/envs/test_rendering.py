@@ -2,20 +2,23 @@
 
 import sys
 import time
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 import tagtrack  # noqa: F401  registers the ids
-from tagtrack.envs.legend import BELIEF, FISH, VEHICLE
+from tagtrack.envs.legend import BELIEF, FAINT, FISH, MESSAGE, PAPER, VEHICLE, Legend, shade
+from tagtrack.envs.parallel import TagTrackParallelEnv, parallel_env
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.sensors.sensor import Glimpse
 from tagtrack.envs.sim.modem import NoModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
 
-pytest.importorskip("pygame")
+pygame = pytest.importorskip("pygame")
 ACTION = np.array([0.6, 0.8, 1.0], np.float32)
 
 
@@ -154,6 +157,84 @@ def test_fleet_is_drawn_too() -> None:
         simulation.step(np.broadcast_to(ACTION[:2], (2, 3, 2)))
         picture.follow()
     assert pixels_near(picture.paint(), VEHICLE) > 90
+
+
+def fleet_under_way(steps: int = 20, **options: Any) -> TagTrackParallelEnv:
+    fleet = parallel_env(**{"vehicles": 3, "tags": 2, "particles": 100, "render_mode": "rgb_array", **options})
+    fleet.reset(seed=3)
+    for _ in range(steps):
+        fleet.step({agent: ACTION[: fleet.action_space(agent).shape[0]] for agent in fleet.agents})
+    return fleet
+
+
+def test_message_is_a_line_in_the_step_in_which_it_arrives() -> None:
+    """One slot every 10 s of five steps: four pictures of five show none."""
+    fleet = fleet_under_way(0, modem="tdma", overrides={"modem.loss": 0.0, "modem.loss_at_range": 0.0})
+    drawn = []
+    for _ in range(10):
+        fleet.step({agent: ACTION[:2] for agent in fleet.agents})
+        came = (fleet.simulation.worlds.mail > 0).any()
+        drawn.append(pixels_near(fleet.render(), MESSAGE) > 10)
+        assert drawn[-1] == came
+    assert sum(drawn) == 2
+
+
+def test_beliefs_of_different_vehicles_have_shades_of_their_own() -> None:
+    """The lines of the ellipses: of a shared belief in the first shade, of three in all of them."""
+    own, shared = fleet_under_way(modem="none").render(), fleet_under_way(modem="perfect").render()
+    for o in range(3):
+        assert pixels_near(own, shade(o, 3)) > 100
+    assert shade(0, 3) == shade(0, 1) == BELIEF and pixels_near(shared, BELIEF) > 100
+    assert pixels_near(shared, shade(2, 3)) < 20
+
+
+def test_vehicle_that_has_left_is_hollow_and_its_belief_is_gone() -> None:
+    """Without tracks, three amber bodies; with flat batteries none."""
+    fleet = fleet_under_way(1, modem="none", overrides={"vehicle.battery": 0.05})
+    swimming = fleet.render()
+    while fleet.agents:
+        fleet.step({agent: ACTION[:2] for agent in fleet.agents})
+    left = fleet.render()
+    assert fleet.simulation.worlds.navigation["active"].sum() == 0
+    assert pixels_near(swimming, VEHICLE) - pixels_near(left, VEHICLE) > 200
+    assert pixels_near(swimming, BELIEF) > 100 > 10 > pixels_near(left, BELIEF)
+
+
+def test_arena_is_a_circle_where_there_is_one() -> None:
+    """50 m among the 157 m of the first view are 204 pixels in radius, at most half hidden; lines are a pixel wide."""
+    with_it = fleet_under_way(0, overrides={"vehicle.arena": 50.0}).render()
+    grey = pixels_near(with_it, FAINT) - pixels_near(fleet_under_way(0).render(), FAINT)
+    assert grey > 100
+
+
+@pytest.mark.parametrize("env_id", list(SCENARIOS))
+def test_no_line_of_the_legend_runs_out_of_the_panel(env_id: str) -> None:
+    everything = {"vehicle.battery": 100.0, "vehicle.arena": 500.0, "reward.perimeter": 20.0}
+    fleet = parallel_env(env_id, vehicles=3, tags=2, modem="tdma", particles=10, overrides=everything)
+    fleet.reset(seed=0)
+    legend = Legend(fleet.simulation, 0)
+    example = Glimpse(radius=3.0)
+    for words in ([], ["1234 m"] * 2, ["1234 m"] * 6, ["-10, 1234 m"] * 6, ["+9"] * 400, ["12345678 m"] * 7):
+        panel = pygame.surfarray.array3d(legend.paint(640, words, example)).swapaxes(0, 1)
+        assert (panel[:, -6:] == PAPER).all(), words
+        assert (panel[234:240] == PAPER).all(), words  # numbers above, shapes below
+        assert (panel[-10:] == PAPER).all()
+
+
+def test_words_of_a_sensor_of_ones_own_are_cut_to_the_panel() -> None:
+    legend = Legend(parallel_env(vehicles=1, particles=10).simulation, 0)
+    assert legend._fit("last range", 180) == "last range"
+    cut = legend._fit("what the array heard in its own band, and when", 180)
+    assert cut.startswith("what the array") and cut.endswith("...") and legend._text.size(cut)[0] <= 180
+
+
+def test_readings_that_find_no_room_are_counted() -> None:
+    fleet = parallel_env(vehicles=3, particles=10)
+    legend = Legend(fleet.simulation, 0)
+    assert legend._wrap(["120 m"] * 6, 123) == ["120 m  120 m"] * 3
+    lines = legend._wrap(["1234 m"] * 20, 123)
+    assert len(lines) == 3 and sum(line.count("1234 m") for line in lines) + int(lines[-1].rpartition("+")[2]) == 20
+    assert legend._wrap([], 123) == []
 
 
 def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

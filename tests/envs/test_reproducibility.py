@@ -1,11 +1,16 @@
 """One world gives the same numbers bit for bit: alone, in a batch, on any number of threads, after saving and loading."""
 
+import pickle
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.parallel import TagTrackParallelEnv
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
@@ -146,3 +151,48 @@ def test_fish_swims_the_same_whatever_the_vehicle_does() -> None:
             places.append(simulation.fish_position.copy())
         tracks.append(places)
     np.testing.assert_array_equal(tracks[0], tracks[1])
+
+
+FLEET = {"vehicles": 2, "tags": 2, "modem": "tdma", "particles": 50, "overrides": OVERRIDES}
+
+
+def fleet_under_way() -> TagTrackParallelEnv:
+    env = TagTrackParallelEnv(**FLEET)
+    env.reset(seed=SEED)
+    for _ in range(8):
+        env.step(ahead(env))
+    return env
+
+
+def ahead(env: TagTrackParallelEnv) -> dict[str, np.ndarray]:
+    return {agent: np.array([1.0, 0.5], np.float32) for agent in env.agents}
+
+
+@pytest.mark.parametrize("take", [deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_copy_of_an_environment_goes_on_where_it_was_and_by_itself(take: Callable[[Any], TagTrackParallelEnv]) -> None:
+    env = fleet_under_way()
+    twin = take(env)
+    for _ in range(LIMIT - 8):
+        told, expected = twin.step(ahead(twin)), env.step(ahead(env))
+        for agent in expected[0]:
+            np.testing.assert_array_equal(told[0][agent], expected[0][agent])
+        assert told[1:] == expected[1:]
+
+
+def test_pickle_goes_on_in_another_process(tmp_path: Path, run_python: Callable[..., str]) -> None:
+    """Addresses of compiled functions differ there."""
+    env = fleet_under_way()
+    (tmp_path / "env.pickle").write_bytes(pickle.dumps(env))
+    code = """
+import pickle, sys
+from pathlib import Path
+import numpy as np
+env = pickle.loads(Path(sys.argv[1]).read_bytes())
+for _ in range(10):
+    told = env.step({agent: np.array([1.0, 0.5], np.float32) for agent in env.agents})
+print([float(error).hex() for error in env.simulation.error.ravel()])
+"""
+    printed = run_python(code, str(tmp_path / "env.pickle"))
+    for _ in range(10):
+        env.step(ahead(env))
+    assert printed.strip() == str([float(error).hex() for error in env.simulation.error.ravel()])
