@@ -129,6 +129,15 @@ def test_angles_between_vehicles_on_a_circle_become_equal(make_exact_simulation:
     np.testing.assert_allclose(gaps, 360.0 / vehicles, atol=15.0)
 
 
+def test_circle_about_the_middle_of_all_tags(make_exact_simulation: Make) -> None:
+    simulation = make_exact_simulation(worlds=4, vehicles=2, targets=3)
+    simulation.reset(seed=2)
+    simulation.worlds.particles[:, :, :, :2] = simulation.worlds.fish[:, None, :, :2]
+    sail(simulation, make_baseline("circle:radius=50,centroid=1,spacing=0", simulation), steps=280)
+    away = simulation.vehicle_position - simulation.fish_position.mean(axis=1)[:, None]
+    np.testing.assert_allclose(np.hypot(away[..., 0], away[..., 1]), 50.0, rtol=0.05)
+
+
 def test_circles_of_their_own_are_as_far_apart_as_asked(make_exact_simulation: Make) -> None:
     simulation = make_exact_simulation(worlds=4, vehicles=3)
     simulation.reset(seed=2)
