@@ -15,6 +15,7 @@ import numpy as np
 from tagtrack.baselines.formation import crowding, give_way, keep_to_own_circle
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic, Sighting
 from tagtrack.baselines.sharing import assign_jointly
+from tagtrack.baselines.surroundings import Surroundings
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.validation import require
 
@@ -56,23 +57,40 @@ class Circling(Heuristic):
             course = circling_course(sighting.distance, self.radius, self.scenario)
             return course, np.ones_like(course)
         around = self.look_around(sighting)
-        places = keep_to_own_circle(around.places, around.tags, sighting.tag)
         centre = around.tags[np.arange(len(sighting.tag)), sighting.tag]
-        crowded = crowding(centre, places, around.speed * around.age, sighting.vehicle)
-        radius, speed = give_way(self.radius + self.radius_step * sighting.vehicle, crowded, self.spacing, self.scenario)
-        return circling_course(sighting.distance, radius, self.scenario), speed
+        places = keep_to_own_circle(around.places, around.tags, sighting.tag)
+        return self.go_round(sighting.distance, centre, around._replace(places=places), sighting.vehicle)
+
+    def go_round(
+        self, distance: np.ndarray, centre: np.ndarray, around: Surroundings, vehicle: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The same about any centre (B, 2), ``distance`` (B,) away [m], at equal angles to those whose places are given."""
+        crowded = crowding(centre, around.places, around.speed * around.age, vehicle)
+        radius, speed = give_way(self.radius + self.radius_step * vehicle, crowded, self.spacing, self.scenario)
+        return circling_course(distance, radius, self.scenario), speed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Circle(Circling):
-    """Circles the estimate at full speed, of several tags that of the nearest.
+    """Circles the estimate at full speed, of several tags that of the nearest or, if told so, the middle of all.
 
     Vehicles about the same tag keep equal angles between them, with ``radius_step`` on circles of their own (Shinzaki et al.
     2013, whose vehicles sail about the estimate on circles of several radii and phases).
     """
 
+    centroid: int = 0  # 1: about the middle of all tags' estimates, for which the radius has to be a wider one
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require(self.centroid in (0, 1), self, "centroid", "0 or 1")
+
     def choose(self, sighting: Sighting, memory: Any) -> tuple[np.ndarray, np.ndarray, Any]:
-        return *self.circle(sighting), memory
+        if not self.centroid or self.scenario.targets == 1:
+            return *self.circle(sighting), memory
+        around = self.look_around(sighting)
+        centre = around.tags.mean(axis=1)
+        course, speed = self.go_round(np.hypot(centre[:, 0], centre[:, 1]), centre, around, sighting.vehicle)
+        return course + np.arctan2(centre[:, 1], centre[:, 0]) - sighting.bearing, speed, memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ import numpy as np
 from tagtrack.envs.scenario import Scenario
 
 NEAREST = 1e-3  # [m]
+FULL = 1.0 / 3.0  # crowding from which on a vehicle gives way as much as it may
 
 
 def crowding(centre: np.ndarray, places: np.ndarray, lag: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -42,10 +43,11 @@ def give_way(radius: np.ndarray, crowded: np.ndarray, share: float, scenario: Sc
     Args:
         radius: (B,) of the circle meant [m]. crowded: (B,) by ``crowding``. share: by which radius or speed change at most.
     """
+    change = share * np.clip(crowded / FULL, -1.0, 1.0)
     if scenario.speed_control:
-        return radius, 1.0 - share * np.maximum(crowded, 0.0)
+        return radius, 1.0 - np.maximum(change, 0.0)
     tightest = scenario.vehicle.max_speed / scenario.vehicle.max_turn_rate
-    return np.maximum(radius * (1.0 + share * crowded), np.minimum(radius, tightest)), np.ones_like(radius)
+    return np.maximum(radius * (1.0 + change), np.minimum(radius, tightest)), np.ones_like(radius)
 
 
 def keep_to_own_circle(places: np.ndarray, tags: np.ndarray, tag: np.ndarray) -> np.ndarray:

@@ -181,6 +181,8 @@ def _run(
         for step in range(steps):
             actions, state = policy.predict(observation.reshape(worlds * fleet, -1), state, starts, deterministic=True)
             starts = np.zeros(worlds * fleet, bool)
+            if np.shape(actions) != (worlds * fleet, components):
+                raise ValueError(f"a policy must give actions {(worlds * fleet, components)}, got {np.shape(actions)}")
             simulation.step(np.reshape(actions, (worlds, fleet, components)))
             observation = simulation.observation
             log.note(rows, step, simulation)

@@ -26,6 +26,7 @@ USUAL_VALUES: Mapping[str, tuple[float, ...]] = {
     "tau": (5, 10, 15, 20, 25, 30, 35, 40, 45),  # beyond, the steps are never steered: pursuit
     "perimeter": (0, 5, 10, 15, 20, 30, 40),
     "horizon": (1, 2, 3, 5, 8, 13),
+    "centroid": (0, 1),
     "radius_step": (0, 2, 5, 10, 20),
     "spacing": (0, 0.15, 0.3, 0.45, 0.6),
     "hold": (6, 12, 20, 30, 60, 120),

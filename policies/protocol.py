@@ -11,7 +11,10 @@ import numpy as np
 
 
 class Policy(Protocol):
-    """Chooses actions for a batch of worlds."""
+    """Chooses actions for a batch of worlds; of fleets for each vehicle by itself.
+
+    With V vehicles in each world there are B * V rows, row b * V + v being that of vehicle v of world b.
+    """
 
     def predict(
         self,

@@ -68,7 +68,7 @@ def test_normal_chance_keeps_its_digits_far_from_the_mean() -> None:
 def test_planner_turns_off_the_line_to_tell_port_from_starboard(make_simulation: Make, sight: Sight, course_of: Sight) -> None:
     simulation = make_simulation()
     simulation.reset(seed=0)
-    simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0)
+    simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0, 1.0, True)
     side = np.where(np.arange(64) % 2 == 0, 1.0, -1.0)
     simulation.worlds.particles[0, 0, 0, 0] = 30.0
     simulation.worlds.particles[0, 0, 0, 1] = 30.0 * side
@@ -158,7 +158,7 @@ def test_planner_does_not_look_at_particles_without_weight(make_simulation: Make
     for across, weight in ((side, side + 1.0), (1.0, 1.0), (side, 1.0)):
         simulation = make_simulation(**{"belief.resample_below": 0.5})
         simulation.reset(seed=0)
-        simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0)
+        simulation.worlds.navigation[0, 0] = (0.0, 0.0, 0.0, 0.0, 1.0, True)
         simulation.worlds.particles[0, 0, 0, 0] = 30.0
         simulation.worlds.particles[0, 0, 0, 1] = 30.0 * across
         simulation.worlds.carried[0, 0, 0] = weight

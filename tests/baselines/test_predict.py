@@ -114,14 +114,14 @@ def test_wrong_layouts_are_refused(make_simulation: Make, sight: Sight) -> None:
     _, state = policy.predict(sight())
     with pytest.raises(ValueError, match=r"observations must have shape \(B, 21\), got \(1, 5\)"):
         policy.predict(np.zeros((1, 5), np.float32))
-    with pytest.raises(ValueError, match="the state is of 1 worlds, the observation of 2"):
+    with pytest.raises(ValueError, match="the state is of 1 rows, the observation of 2"):
         policy.predict(sight(bearing=[0.0, 1.0]), state)
     with pytest.raises(ValueError, match="observations must be of all 2 worlds, got 1"):
         make_baseline("information", simulation).predict(sight())
 
 
-def test_first_of_several_tags_is_tracked(make_simulation: Make, course_of: Callable[..., np.ndarray]) -> None:
-    """By the line to its estimate or by the own heading, whatever actions are relative to: the same course."""
+def test_course_is_the_same_whatever_actions_are_relative_to(make_simulation: Make, course_of: Callable[..., np.ndarray]) -> None:
+    """By the line to the first tag's estimate or by the own heading."""
     for frame in ("line", "heading", "auto"):
         simulation = make_simulation(targets=2, steer_by=frame)
         observation = simulation.reset(seed=4)[:, 0]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tagtrack.baselines.circle import Circle
-from tagtrack.baselines.information import Information
+from tagtrack.baselines.division import Uncertain
 from tagtrack.baselines.registry import BASELINES, make_baseline
 from tagtrack.baselines.simple import Random
 from tagtrack.baselines.three_step import ThreeStep
@@ -67,8 +67,10 @@ def test_bad_parameter_is_named_by_the_constructor_too(make_simulation: Make) ->
         Circle(scenario=scenario, radius=0)
     with pytest.raises(ValueError, match="Random.hold must be positive"):
         Random(scenario=scenario, hold=-1.0)
-    with pytest.raises(ValueError, match="Information steers one vehicle, got a simulation of 2"):
-        Information(simulation=make_simulation(vehicles=2))
+    with pytest.raises(ValueError, match="Uncertain.hold must be positive, got 0.0"):
+        Uncertain(scenario=scenario, hold=0)
+    with pytest.raises(ValueError, match="Circle.spacing must be at least 0 and below 1, got 1.0"):
+        Circle(scenario=scenario, spacing=1)
 
 
 @pytest.mark.parametrize("name", BASELINES)

@@ -8,7 +8,7 @@ import pytest
 from tagtrack.eval import benchmark, comparison
 from tests.eval.conftest import SHORT
 
-BASELINES = "three_step, pursuit, circle, information, stationary, random, oracle_circle"
+BASELINES = "three_step, pursuit, circle, assignment, uncertain, information, stationary, random, oracle_circle"
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,11 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--set", "water"), "NAME=VALUE"),
         (("--set", "tag.period=2", "--set", "tag.period=4"), "tag.period is set twice, to 2 and to 4; drop one"),
         (("--set", "belief.particles=5"), "--particles"),
-        (("--set", "vehicles=3"), "got vehicles=3"),
+        (("--vehicles", "0"), "vehicles must be a whole number from 1 to 20, got 0"),
+        (("--tags", "21"), "tags must be a whole number from 1 to 20, got 21"),
+        (("--modem", "radio"), "modem must be one of perfect, none, tdma, or MODULE:CLASS of your own, got 'radio'"),
+        (("--vehicles", "2", "--policies", "static_array"), "static_array stands for one vehicle and one tag, got vehicles=2"),
+        (("--tags", "2", "--policies", "uncertain:per_metre=-1"), "Uncertain.per_metre must be at least 0, got -1.0"),
         (("--tracks", "none.csv"), "no track file none.csv"),
         (("--time-scale", "0.5"), "add tracks=FILE"),
         (("--motion", "swift"), "one of momentum, brownian, levy, boat, legs, or MODULE:CLASS of your own, got 'swift'"),

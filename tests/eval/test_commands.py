@@ -63,6 +63,48 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     assert asked["overrides"] == {"episode_steps": "40"}
 
 
+def test_fleets_have_columns_of_their_own(tmp_path):
+    arguments = ("--vehicles", "2", "--tags", "3", "--modem", "tdma", "--policies", "circle", "uncertain", "--out", "out")
+    done = run_eval("benchmark", "--env", "LeopardShark-v0", *SHORT, *arguments, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    result = read_json(tmp_path / "out/benchmark.json")
+    assert result["fleet"] == {"vehicles": 2, "tags": 3, "modem": "tdma"}
+    for figures in result["policies"].values():
+        assert list(figures)[: len(FIGURES)] == FIGURES
+        tags = [figures[f"tag_{tag}_error_m"]["value"] for tag in range(3)]
+        assert figures["mean_error_m"]["value"] == pytest.approx(sum(tags) / 3)
+        assert figures["worst_tag_error_m"]["value"] >= max(tags)
+        assert figures["messages_per_hour"]["value"] == 360  # every slot of 10 s from 0 s on
+    table = (tmp_path / "out/table.md").read_text()
+    assert "| lost [%] | worst tag [m] | too near [1/h] | messages [1/h] |" in table
+    assert "2 vehicles, 3 tags, modem tdma" in table
+    assert read_json(tmp_path / "out/config.json")["vehicles"] == 2
+    assert (tmp_path / "out/track_median.png").exists()
+
+
+def test_fleets_are_tuned_and_timed(evaluate, tmp_path):
+    fleet = ("--vehicles", "2", "--tags", "2", "--modem", "none")
+    command = ("tune", *SHORT, *fleet, "--policy", "uncertain", "--parameter", "hold", "--values", "6", "20")
+    status, out, _ = evaluate(*command, "--out", tmp_path / "tune.json")
+    assert status == 0 and "worst" in out
+    assert [row["policy"] for row in read_json(tmp_path / "tune.json")["values"]] == ["uncertain:hold=6", "uncertain:hold=20"]
+    command = ("speed", *fleet, "--num-worlds", "2", "--threads", "1", "--particles", "100", "--rounds", "1", "--seconds", "0.02")
+    status, out, _ = evaluate(*command, "--json", tmp_path / "speed.json")
+    assert status == 0 and "joint" in out
+    rows = read_json(tmp_path / "speed.json")["rows"]
+    assert [(row["kind"], row["beliefs"]) for row in rows] == [("filter", 1), ("env", 4)]
+    assert rows[1]["particle_updates_per_s"] == pytest.approx(4 * 100 * rows[1]["env_steps_per_s"])
+
+
+def test_policy_that_is_not_for_fleets_says_so(tmp_path):
+    own = "from tagtrack.baselines.heuristic import InformedHeuristic as Base\nclass Knower(Base):\n    choose = print\n"
+    (tmp_path / "own_knower.py").write_text(own)
+    done = run_eval("benchmark", *SHORT, "--vehicles", "2", "--policies", "own_knower:Knower", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    line = "error: Knower is for one vehicle and one tag (unless its class says fleets = True), got vehicles=2, tags=1\n"
+    assert done.stderr.endswith(line)
+
+
 def test_table_and_json_name_the_preset(evaluate, tmp_path):
     command = ("benchmark", "--env", "RangeOnly-v0", "--preset", "masmitja2023", *SHORT, "--policies", "pursuit")
     status, out, _ = evaluate(*command, "--out", tmp_path / "out")
