@@ -116,7 +116,7 @@ def test_crowding_is_the_difference_of_the_gaps() -> None:
 
 @pytest.mark.parametrize(("vehicles", "env_id"), [(2, "LeopardShark-v0"), (3, "RangeOnly-v0"), (3, "LeopardSharkStandoff-v0")])
 def test_angles_between_vehicles_on_a_circle_become_equal(make_exact_simulation: Make, vehicles: int, env_id: str) -> None:
-    """By a wider circle or, where it can be chosen, by speed, which has halved a gap's error every 70 s so leaves 10 degrees."""
+    """By a wider circle or, where it can be chosen, by speed; after 560 s by speed up to 10 degrees are left."""
     simulation = make_exact_simulation(env_id, worlds=6, vehicles=vehicles, **{"start.formation": "line"})
     simulation.reset(seed=2)
     policy = make_baseline("circle:40", simulation)
