@@ -12,6 +12,7 @@ from tagtrack.eval.array.command import Array
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.check_consistency import Consistency
 from tagtrack.eval.field.calibrate import Calibrate
+from tagtrack.eval.messages import Messages
 from tagtrack.eval.papers.command import Papers
 from tagtrack.eval.speed import Speed
 from tagtrack.eval.tradeoff import Tradeoff
@@ -21,6 +22,7 @@ Command = (
     Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
     | Annotated[Tune, tyro.conf.subcommand("tune")]
     | Annotated[Tradeoff, tyro.conf.subcommand("tradeoff")]
+    | Annotated[Messages, tyro.conf.subcommand("messages")]
     | Annotated[Consistency, tyro.conf.subcommand("consistency")]
     | Annotated[Speed, tyro.conf.subcommand("speed")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
@@ -28,8 +30,8 @@ Command = (
     | Annotated[Array, tyro.conf.subcommand("array")]
 )
 DESCRIPTION = (
-    "Compare policies on the same fish, tune baselines, check the belief, time the simulation, calibrate tags, "
-    "repeat the papers' experiments, locate tags by moored receivers."
+    "Compare policies on the same fish, tune baselines, weigh what talking is worth, check the belief, time the simulation, "
+    "calibrate tags, repeat the papers' experiments, locate tags by moored receivers."
 )
 
 

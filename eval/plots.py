@@ -170,7 +170,7 @@ def plot_tradeoff(curves: Mapping[str, TradeoffCurve], *, perimeter: float | Non
     """
     figure, (axes,) = empty_figure(width=7.5, height=5.0)
     for (name, curve), (colour, style) in zip(curves.items(), _looks(), strict=False):
-        (inside, inside_reach), (error, error_reach) = _error_bars(curve.inside, 100), _error_bars(curve.error)
+        (inside, inside_reach), (error, error_reach) = error_bars(curve.inside, 100), error_bars(curve.error)
         axes.errorbar(inside, error, error_reach, inside_reach, fmt="none", ecolor=colour, elinewidth=0.8)
         marker, size = ("*", 12) if curve.learned else ("o", 5)
         axes.plot(
@@ -197,7 +197,7 @@ def plot_calibration(shares: Mapping[str, Mapping[float, Interval]]) -> Figure:
     width = min(0.8 / len(shares), 0.35)
     centre = (len(shares) - 1) / 2
     for index, (name, (colour, _)) in enumerate(zip(shares, _looks(), strict=False)):
-        share, reach = _error_bars([shares[name][probability] for probability in nominal], 100)
+        share, reach = error_bars([shares[name][probability] for probability in nominal], 100)
         place = np.arange(len(nominal)) + (index - centre) * width
         axes.bar(place, share, 0.9 * width, color=colour, label=name)
         axes.errorbar(place, share, reach, fmt="none", ecolor=INK, elinewidth=0.9)
@@ -234,7 +234,7 @@ def _looks() -> Iterator[tuple[str, str]]:
     return cycle([(colour, style) for style in ("-", "--", ":") for colour in COLOURS])
 
 
-def _error_bars(intervals: Sequence[Interval], scale: float = 1) -> tuple[Floats, Floats]:
+def error_bars(intervals: Sequence[Interval], scale: float = 1) -> tuple[Floats, Floats]:
     """Values (P,) and the reach (2, P) of their error bars down and up; no bar where there is no interval."""
     value, low, high = scale * np.array([(interval.value, interval.low, interval.high) for interval in intervals]).T
     return value, np.nan_to_num(np.maximum([value - low, high - value], 0))

@@ -295,3 +295,16 @@ def test_particles_are_the_presets_own_unless_asked_for(options, arguments, part
     task = asked.build()
     assert task.scenario.belief.particles == particles
     assert asked.describe(task)["particles"] == particles
+
+
+def test_messages_draws_error_against_loss_slots_and_number_of_messages(tmp_path):
+    few = ("--losses", "0", "0.9", "--slots", "5", "60", "--episodes", "4", "--particles", "50", "--set", "episode_steps=30")
+    done = run_eval("messages", "--vehicles", "2", *few, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["messages.json", "messages.md", "messages.png"]
+    fleets = read_json(tmp_path / "out" / "messages.json")["fleets"]
+    assert list(fleets) == ["none", "perfect", "loss 0", "loss 0.9", "slot 5 s", "slot 60 s"]
+    sent = {name: figures["messages_per_hour"]["value"] for name, figures in fleets.items()}
+    assert sent == {"none": 0, "perfect": 0, "loss 0": 360, "loss 0.9": 360, "slot 5 s": 720, "slot 60 s": 60}
+    alone = run_eval("messages", "--vehicles", "1", *few, cwd=tmp_path)
+    assert alone.returncode == 2 and "a vehicle alone has nobody to talk to, got --vehicles 1" in alone.stderr
