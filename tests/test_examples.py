@@ -75,3 +75,27 @@ for _ in range(20):
 print(list(terms))
 """
     assert run_python(code).strip() == "['localization', 'standoff', 'keep_distance']"
+def run_script(repository: Path, folder: Path, name: str, *arguments: str) -> str:
+    """Run an example of a fleet as a user does, in an empty folder."""
+    script = shutil.copy(repository / "examples" / name, folder)
+    done = subprocess.run(
+        [sys.executable, str(script), *arguments], cwd=folder, capture_output=True, text=True, timeout=600
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_fleet_by_hand_tells_of_each_minute(repository: Path, tmp_path: Path) -> None:
+    lines = run_script(repository, tmp_path, "fleet_by_hand.py").splitlines()
+    assert [line.partition(":")[0] for line in lines] == [f"minute {k}" for k in range(1, 6)]
+    assert "messages came to auv_0" in lines[-1]
+
+
+def test_fleet_learns_with_stable_baselines3(repository: Path, tmp_path: Path) -> None:
+    told = run_script(repository, tmp_path, "fleet_sb3.py", "6000")
+    assert "over 96 vehicles' episodes" in told
+
+
+def test_fleet_runs_in_torchrl(repository: Path, tmp_path: Path) -> None:
+    pytest.importorskip("torchrl", reason="torchrl is not installed; it is no dependency")
+    assert "(60, 3," in run_script(repository, tmp_path, "fleet_torchrl.py")
