@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import keep, note_others, note_own, past_of
+from tagtrack.envs.belief.hindsight import keep, past_of
 from tagtrack.envs.belief.listening import get_to_know, ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import place_of, stream_of
+from tagtrack.envs.measurement import Status
 from tagtrack.envs.observation import (
     begin_outlook,
     look,
@@ -52,22 +53,37 @@ def update_beliefs(b, p, worlds, scratch):
         if not (p.modem.shares or worlds.navigation[b, o].active):
             continue
         for t in range(worlds.beliefs.shape[2]):
-            past, listeners = past_of(b, o, t, worlds), worlds.listeners[b, o, t]
-            particles, carried, beliefs = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1]
-            measured = worlds.measurements[b, :, t]
-            note_own(past, now, measured, o, p.modem.shares, worlds.navigation[b, o])
-            if p.modem.calls:
-                note_others(past, now, measured, worlds.mail[b, o], worlds.packets[b, :, 0], worlds.navigation[b])
+            particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
+            listeners, steps = worlds.listeners[b, o, t], worlds.past_poses.shape[3]
+            note_told(b, o, t, now % steps, p, worlds)
             first = worlds.since[b, o, t] if p.modem.talks else now
             for step in range(first, now + 1):
                 if step > first:
-                    keep(past, step, particles, carried, beliefs, listeners)
-                stream, row, place = (k0, k1, episode, np.uint64(step)), place_of(o, t), step % past.poses.shape[0]
-                predict_row(particles, carried, beliefs[0], listeners, stream, row, p.belief, p.time_step, scratch)
-                told, pose = past.measurements[place], past.poses[place]
-                correct_row(particles, carried, beliefs[0], told, listeners, stream, row, p.belief, scratch)
-                port = summarize(particles, carried, beliefs[0], pose.x, pose.y, pose.heading, p.belief)
+                    keep(past_of(b, o, t, worlds), step, particles, carried, worlds.beliefs[b, o, t : t + 1], listeners)
+                stream, row, place = (k0, k1, episode, np.uint64(step)), place_of(o, t), step % steps
+                told, pose = worlds.past_measurements[b, o, t, place], worlds.past_poses[b, o, t, place]
+                predict_row(particles, carried, belief, listeners, stream, row, p.belief, p.time_step, scratch)
+                correct_row(particles, carried, belief, told, listeners, stream, row, p.belief, scratch)
+                port = summarize(particles, carried, belief, pose.x, pose.y, pose.heading, p.belief)
                 worlds.outlooks[b, o, t].port = port
+
+
+@compiled
+def note_told(b, o, t, place, p, worlds):
+    """What a belief is told of this step: what all vehicles measured, or its own one, and the others that it has just heard.
+
+    Where vehicles talk in packets the others' places were emptied when the step began (``hindsight.recall``).
+    """
+    worlds.past_poses[b, o, t, place] = worlds.navigation[b, o]
+    for v in range(worlds.navigation.shape[1]):
+        if p.modem.shares or v == o:
+            worlds.past_measurements[b, o, t, place, v] = worlds.measurements[b, v, t]
+        elif p.modem.calls and worlds.mail[b, o, v] > 0:  # from the place where it says it is
+            worlds.past_measurements[b, o, t, place, v] = worlds.measurements[b, v, t]
+            worlds.past_measurements[b, o, t, place, v].x += worlds.packets[b, v, 0].x - worlds.navigation[b, v].x
+            worlds.past_measurements[b, o, t, place, v].y += worlds.packets[b, v, 0].y - worlds.navigation[b, v].y
+        elif not p.modem.talks:
+            worlds.past_measurements[b, o, t, place, v].status = Status.ABSENT
 
 
 @compiled
@@ -78,7 +94,7 @@ def meet_mates(b, p, worlds):
             for v in range(worlds.mates.shape[1]):
                 if worlds.mail[b, w, v] > 0:
                     get_to_know(worlds.mates[b, w, v], worlds.packets[b, v, 0], worlds.clock[b].step * p.time_step)
-    if p.modem.shares:
+    if p.modem.shares and worlds.mates.shape[1] > 1:
         for w in range(worlds.mates.shape[1]):
             for v in range(worlds.mates.shape[1]):
                 get_to_know(worlds.mates[b, w, v], worlds.navigation[b, v], worlds.clock[b].step * p.time_step)
@@ -111,7 +127,7 @@ def observe(b, v, p, worlds, out):
     """The observation of one vehicle: tags, teammates, itself."""
     owners, tags, vehicles = worlds.beliefs.shape[1], worlds.beliefs.shape[2], worlds.navigation.shape[1]
     o = 0 if owners == 1 else v
-    navigation, mates = worlds.navigation[b, v], worlds.mates[b, v]
+    navigation = worlds.navigation[b, v]
     time = worlds.clock[b].step * p.time_step
     for t in range(tags):
         belief, outlook, listener = worlds.beliefs[b, o, t], worlds.outlooks[b, v, t], worlds.listeners[b, o, t, v]
@@ -122,12 +138,14 @@ def observe(b, v, p, worlds, out):
         block = out[t * p.layout.tag : (t + 1) * p.layout.tag]
         if vehicles > 1:
             last = p.layout.tag - 1
-            observe_teammates(block[last:], belief, navigation, mates, v, p.scale)
+            observe_teammates(block[last:], belief, navigation, worlds.mates[b, v], v, p.scale)
             block = block[:last]
         observe_tag(block, belief, listener, outlook, navigation, phase, p.belief, p.scale)
     first = tags * p.layout.tag
     for other in range(vehicles):
         if other != v:
-            observe_mate(out[first : first + p.layout.mate], mates[other], navigation, time, p.vehicle.max_speed, p.scale)
+            observe_mate(
+                out[first : first + p.layout.mate], worlds.mates[b, v, other], navigation, time, p.vehicle.max_speed, p.scale
+            )  # fmt: skip
             first += p.layout.mate
     observe_own(out[first:], navigation, worlds.radios[b, v], v, time, p)

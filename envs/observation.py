@@ -27,29 +27,34 @@ OUTLOOK = np.dtype([(name, np.float64) for name in ("cos_lately", "sin_lately", 
 
 
 @compiled
-def decode_action(action, navigation, beliefs, max_speed, speed_control, frame):
-    """Course [rad] and speed [m/s] of an action, given what is believed of each tag (T,).
+def choose_tag(action, tags, speed_control, frame):
+    """The tag that an action is about: of those that it may choose the one with the largest component, else the first."""
+    tag = 0
+    if frame == CHOSEN:
+        first = 3 if speed_control else 2
+        for t in range(1, tags):
+            if action[first + t] > action[first + tag]:
+                tag = t
+    return tag
+
+
+@compiled
+def decode_action(action, navigation, belief, max_speed, speed_control, frame):
+    """Course [rad] and speed [m/s] of an action, given what is believed of the tag that it is about.
 
     (ahead, port) points relative to the line from the vehicle to the estimate: (1, 0) is pursuit, (0, 1) keeps the fish abeam to
     starboard; or relative to the vehicle's own heading. The zero vector means straight on, too. A further component runs from
-    rest (-1) to full speed (1); where a tag is chosen, one component for each follows, of which the largest counts.
+    rest (-1) to full speed (1).
     """
     ahead = min(max(np.float64(action[0]), -1.0), 1.0)
     port = min(max(np.float64(action[1]), -1.0), 1.0)
-    next_one = 2
+    line = navigation.heading
+    if frame != HEADING:
+        line = math.atan2(belief.estimate_y - navigation.y, belief.estimate_x - navigation.x)
+    course = wrap_angle(line + (math.atan2(port, ahead) if ahead != 0.0 or port != 0.0 else 0.0))
     speed = max_speed
     if speed_control:
         speed *= 0.5 * (1.0 + min(max(np.float64(action[2]), -1.0), 1.0))
-        next_one = 3
-    tag = 0
-    if frame == CHOSEN:
-        for t in range(1, beliefs.shape[0]):
-            if action[next_one + t] > action[next_one + tag]:
-                tag = t
-    line = navigation.heading
-    if frame != HEADING:
-        line = math.atan2(beliefs[tag].estimate_y - navigation.y, beliefs[tag].estimate_x - navigation.x)
-    course = wrap_angle(line + (math.atan2(port, ahead) if ahead != 0.0 or port != 0.0 else 0.0))
     return course, speed
 
 

@@ -53,7 +53,9 @@ def sum_up(b, v, p, worlds, error, outcome):
         outcome.range = min(outcome.range, worlds.encounters[b, v, t].range)
         outcome.heard += worlds.encounters[b, v, t].heard
     was_close = worlds.clock[b].step > 0 and outcome.separation < p.least_separation
-    outcome.separation = separation_of(worlds.vehicles[b], worlds.navigation[b], v) if worlds.navigation[b, v].active else np.inf
+    outcome.separation = np.inf
+    if worlds.vehicles.shape[1] > 1 and worlds.navigation[b, v].active:
+        outcome.separation = separation_of(worlds.vehicles[b], worlds.navigation[b], v)
     if worlds.clock[b].step == 0:
         outcome.encroachments = 0.0
     if outcome.separation < p.least_separation and not was_close:

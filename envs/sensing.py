@@ -10,7 +10,7 @@ from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, place_of, stream_of, uniform_pair
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, swim
-from tagtrack.envs.observation import decode_action
+from tagtrack.envs.observation import choose_tag, decode_action
 from tagtrack.envs.sensors.sensor import DRAWS
 from tagtrack.envs.sim.acoustics import is_destroyed, listen, meet, open_encounter
 from tagtrack.envs.sim.modem import call_out, open_radio
@@ -87,8 +87,9 @@ def steer_vehicles(b, p, actions, worlds, stream):
         vehicle.gone = not navigation.active
         if vehicle.gone:
             continue
-        beliefs = worlds.beliefs[b, 0 if shared else v]
-        course, speed = decode_action(actions[b, v], navigation, beliefs, p.vehicle.max_speed, p.speed_control, p.frame)
+        action = actions[b, v]
+        belief = worlds.beliefs[b, 0 if shared else v, choose_tag(action, worlds.beliefs.shape[2], p.speed_control, p.frame)]
+        course, speed = decode_action(action, navigation, belief, p.vehicle.max_speed, p.speed_control, p.frame)
         course, speed = turn_back(navigation, course, speed, p.vehicle)
         hold_course(vehicle, navigation, course, speed, stream, v, p.vehicle, p.time_step)
         draw_power(vehicle, navigation, p.vehicle, p.time_step)
@@ -111,17 +112,19 @@ def swim_fish(target, fish, stream, t, p, tracks, step, scratch):
 @compiled
 def hear_tags(b, p, worlds, stream, time):
     """Every vehicle that takes part listens for every tag."""
-    targets, fish = worlds.targets[b], worlds.fish[b]
-    for t in range(targets.shape[0]):
-        x, y = np.float64(fish[t, 0, 0]), np.float64(fish[t, 1, 0])
+    for t in range(worlds.targets.shape[1]):
+        target = worlds.targets[b, t]
+        x, y = np.float64(worlds.fish[b, t, 0, 0]), np.float64(worlds.fish[b, t, 1, 0])
         for v in range(worlds.vehicles.shape[1]):
             vehicle, navigation = worlds.vehicles[b, v], worlds.navigation[b, v]
             if not navigation.active:
                 worlds.encounters[b, v, t].heard = False
                 worlds.measurements[b, v, t].status = Status.ABSENT
                 continue
-            overlaps = p.tag.burst > 0.0 and targets[t].pinged and is_destroyed(vehicle, targets, fish, v, t, stream, p)
+            destroyed = False
+            if p.tag.burst > 0.0 and target.pinged:
+                destroyed = is_destroyed(vehicle, worlds.targets[b], worlds.fish[b], v, t, stream, p)
             listen(
-                worlds.encounters[b, v, t], vehicle, navigation, targets[t], x, y, overlaps,
+                worlds.encounters[b, v, t], vehicle, navigation, target, x, y, destroyed,
                 worlds.measurements[b, v, t], v, t, stream, p, time,
             )  # fmt: skip

@@ -36,29 +36,6 @@ def past_of(b, o, t, worlds):
 
 
 @compiled
-def note_own(past, step, measurements, own, shares, pose):
-    """What is measured at a step, (V,), by all vehicles or by the own one alone, and where that one is."""
-    place = step % past.poses.shape[0]
-    past.poses[place] = pose
-    for v in range(measurements.shape[0]):
-        if shares or v == own:
-            past.measurements[place, v] = measurements[v]
-        elif past.beliefs.shape[0] == 0:
-            past.measurements[place, v].status = Status.ABSENT
-
-
-@compiled
-def note_others(past, step, measurements, heard, told, navigation):
-    """Add what vehicles measured (V,) that were ``heard`` (V,) at this step, as from where they ``told`` (V,) they are."""
-    place = step % past.poses.shape[0]
-    for v in range(measurements.shape[0]):
-        if heard[v] > 0:
-            past.measurements[place, v] = measurements[v]
-            past.measurements[place, v].x += told[v].x - navigation[v].x
-            past.measurements[place, v].y += told[v].y - navigation[v].y
-
-
-@compiled
 def keep(past, step, particles, carried, beliefs, listeners):
     """Remember the state before a step; the belief is the one of ``beliefs`` (1,)."""
     place = step % past.beliefs.shape[0]

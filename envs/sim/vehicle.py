@@ -68,7 +68,8 @@ VEHICLE = np.dtype(
             "x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias", "energy", "charge",
         )
     ]
-    + [("gone", np.bool_)]
+    + [("gone", np.bool_)],
+    align=True,
 )  # fmt: skip
 
 
