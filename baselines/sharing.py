@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from tagtrack.baselines.surroundings import Surroundings
 
@@ -41,6 +40,8 @@ def assign_jointly(value: np.ndarray, own: np.ndarray) -> np.ndarray:
     Args:
         value: (B, V, T) [m], NaN for vehicles of which nothing is known, who get none.
     """
+    from scipy.optimize import linear_sum_assignment  # here, for a vehicle that needs none of it may lack it
+
     choice = np.zeros(len(value), np.int64)
     for row, worth in enumerate(value):
         known = np.flatnonzero(~np.isnan(worth).any(axis=1))

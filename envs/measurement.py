@@ -27,9 +27,7 @@ READINGS = 4  # numbers that a sensor may read of one ping
 
 # What a vehicle knows of itself: where it believes to be [m], heading by the compass [rad], speed through the water [m/s]; the
 # share of its battery that is left, and whether it still takes part.
-NAVIGATION = np.dtype(
-    [(name, np.float64) for name in ("x", "y", "heading", "speed", "battery")] + [("active", np.bool_)], align=True
-)
+NAVIGATION = np.dtype([(name, np.float64) for name in ("x", "y", "heading", "speed", "battery")] + [("active", np.bool_)])
 
 # One vehicle, one tag, one time [s]. `x`, `y`, `heading` as in NAVIGATION at that time; `depth` of the tag below the vehicle,
 # which it knows [m]; `arrival` is when the ping came by the receiver's clock [s], NaN where none did; `readings` are the

@@ -14,13 +14,12 @@ PACKET = np.dtype(
 )
 
 # What a vehicle knows of a teammate: whether anything, and where it was at `time` [s], as it believed itself.
-MATE = np.dtype([("known", np.bool_)] + [(name, np.float64) for name in ("time", "x", "y", "heading", "speed")], align=True)
+MATE = np.dtype([("known", np.bool_)] + [(name, np.float64) for name in ("time", "x", "y", "heading", "speed")])
 
 # A vehicle's modem as its own computer sees it: whether it is to send in its next slot, measurements `waiting` to be sent (with
 # all before the first slot), where its next packet will be kept; messages `sent` and `received` in the episode, how many of them
 # in this step, and measurements that came `too_late` to be remembered.
 RADIO = np.dtype(
     [("wants", np.bool_)]
-    + [(name, np.int64) for name in ("waiting", "next", "sent", "sent_now", "received", "too_late")],
-    align=True,
+    + [(name, np.int64) for name in ("waiting", "next", "sent", "sent_now", "received", "too_late")]
 )

@@ -68,8 +68,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     ## Messages, batteries, arena, bursts
 
     * ``modem="perfect"``: one belief for all, of all that any vehicle hears. ``"none"``: each has its own and knows nothing of
-      the others. ``"tdma"``: each has its own, and packets of pose and measurements travel in turn, at the speed of sound, and
-      may be lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
+      the others. ``"instant"``: each has its own, and all tell all at each step but for losses. ``"tdma"``: each has its own,
+      and packets of pose and measurements travel in turn, at the speed of sound, and may be lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
     * ``vehicle.battery`` [Wh] above 0: a vehicle whose battery is empty leaves.
     * ``vehicle.arena`` [m] above 0: a vehicle farther from the origin turns back of itself, whatever its action says.
     * ``tag.burst`` [s] above 0: pings that come to a vehicle at once destroy one another.
@@ -89,7 +89,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     Args:
         env_id: of ours, or one that somebody registered; or a ``Task``.
         vehicles, tags: how many of each, 1 to 20; those of the scenario if None.
-        modem: what the vehicles may tell one another (``"perfect"``, ``"none"``, ``"tdma"``); the scenario's if None (perfect).
+        modem: what the vehicles may tell one another (``"perfect"``, ``"none"``, ``"instant"``, ``"tdma"``); the scenario's if
+            None (perfect).
         formation: how the vehicles lie at the start, ``"ring"`` or ``"line"``; ``overrides={"start.separation": 20}`` sets how
             far neighbours lie apart [m].
         max_cycles: steps of an episode; the scenario's ``episode_steps`` if None.
@@ -211,6 +212,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def render(self) -> np.ndarray | None:
         """The picture (H, W, 3) uint8 in mode ``rgb_array``; ``human`` shows every step by itself."""
+        if self._picture is not None and not self._begun:
+            raise ResetNeeded("call reset before render")
         return self._picture.paint() if self._picture is not None and self.render_mode == "rgb_array" else None
 
     def close(self) -> None:

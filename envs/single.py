@@ -130,7 +130,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         scenario: a whole ``Scenario`` instead of the id's.
         vehicles: how many, 1 to 20 (default 1); see above.
         tags: how many tagged fish, 1 to 20 (default 1).
-        modem: what several vehicles may tell one another: ``"perfect"``, ``"none"`` or ``"tdma"``.
+        modem: what several vehicles may tell one another: ``"perfect"``, ``"none"``, ``"instant"`` or ``"tdma"``.
         render_mode: ``"rgb_array"``, ``"human"`` or None (needs ``pip install "tagtrack[render]"``).
 
     ## Version history
@@ -215,6 +215,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     def render(self) -> np.ndarray | None:
         """The picture (H, W, 3) uint8 in mode ``rgb_array``; ``human`` shows every step by itself."""
+        if self._picture is not None and not self._begun:
+            raise gymnasium.error.ResetNeeded("call reset before render")
         if self._picture is None:
             gymnasium.logger.warn('nothing to show: make the environment with render_mode="rgb_array" or "human"')
         return self._picture.paint() if self._picture is not None and self.render_mode == "rgb_array" else None

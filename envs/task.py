@@ -46,7 +46,7 @@ class TaskOptions(TypedDict, total=False):
     tags: int | None
     """How many tagged fish, 1 to 20."""
     modem: str | Modem | None
-    """What the vehicles may tell one another: ``"perfect"``, ``"none"`` or ``"tdma"`` (``sim.modem``)."""
+    """What the vehicles may tell one another: ``"perfect"``, ``"none"``, ``"instant"`` or ``"tdma"`` (``sim.modem``)."""
 
 
 class Task(NamedTuple):
@@ -115,14 +115,21 @@ def _change(base: Task, options: TaskOptions, tracks: str | Path | None) -> Task
     overrides, time_scale = options.get("overrides"), options.get("time_scale")
     if overrides is not None and not isinstance(overrides, Mapping):
         raise ValueError(f'overrides must map dotted names to values, as {{"tag.period": 5.0}}, got {overrides!r}')
-    changes = {**_fleet_changes(options), **(overrides or {})}
+    fleet = _fleet_changes(options)
+    if twice := sorted(set(fleet) & set(overrides or {})):
+        raise ValueError(f"{twice[0]} is given twice, as an option and in overrides; drop one")
+    changes = {**fleet, **(overrides or {})}
     if options.get("particles") is not None:
         changes["belief.particles"] = options["particles"]
     if tracks is not None:
         return _build_replay(base.scenario, changes, tracks, time_scale)._replace(env_id=base.env_id)
     if time_scale is not None:
         raise ValueError(f"time_scale={time_scale!r} slows a recorded track, but none is given; add tracks=FILE")
-    return base._replace(scenario=with_overrides(base.scenario, changes))
+    scenario = with_overrides(base.scenario, changes)
+    for name, value in (("vehicles", scenario.vehicles), ("tags", scenario.targets)):
+        if value > MOST_AGENTS:
+            raise ValueError(f"{name} must be at most {MOST_AGENTS}, got {value}")
+    return base._replace(scenario=scenario)
 
 
 def _fleet_changes(options: TaskOptions) -> dict[str, Any]:

@@ -6,6 +6,7 @@ All of them are made once, and thereby checked, before anything runs.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker
 from tagtrack.eval.static_array import NAME, is_static_array, read_static_array
+from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
 
@@ -96,12 +98,18 @@ def _always(policy: Policy) -> PolicyMaker:
 def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
     if not folder.exists():
         raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
-    return load_policy(
+    policy = load_policy(
         folder,
         feature_names(scenario),
         action_names=action_names(scenario),
         env_id=env_id,
     )
+    if not isinstance(policy, EntityPolicy):
+        return policy
+    try:
+        return dataclasses.replace(policy, courses=scenario.frame.name.lower())
+    except ValueError as error:
+        raise ValueError(f"the policy in {folder} cannot steer this fleet: {error}") from None
 
 
 def is_run(spec: str) -> bool:

@@ -11,6 +11,7 @@ import rich
 import tyro
 
 from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.sim.modem import TdmaModem
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import compare
 from tagtrack.eval.metrics import Interval
@@ -36,7 +37,7 @@ class Messages:
     Beside it stand the same fleet with no modem at all and with a perfect one.
     """
 
-    task: TaskOptions = field(default_factory=lambda: TaskOptions(env="TagTrack/RangeOnly-v0", vehicles=3))
+    task: TaskOptions = field(default_factory=lambda: TaskOptions(env="TagTrack/RangeOnly-v0", vehicles=3, modem="tdma"))
     policy: str = "circle"
     """Baseline or folder of a run that steers."""
     losses: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9)
@@ -50,7 +51,11 @@ class Messages:
     def run(self) -> None:
         """Run it."""
         self.trial.check()
+        if not (self.losses and self.slots):
+            raise ValueError("name at least one of --losses and one of --slots")
         task, env_id, trial = self.task.build(), self.task.env_id, self.trial
+        if not isinstance(task.scenario.modem, TdmaModem):
+            raise ValueError(f"--modem {self.task.modem} talks in no slots, which this command varies; drop it")
         if task.scenario.vehicles < 2:
             raise ValueError(f"a vehicle alone has nobody to talk to, got --vehicles {task.scenario.vehicles}; take 2 to 20")
         out = self.out or default_folder("messages", env_id)
@@ -81,8 +86,8 @@ class Messages:
 
     def variants(self) -> dict[str, dict[str, Any]]:
         """The fleets to compare, as overrides by their labels."""
-        loss = {f"loss {x:g}": {"modem": "tdma", "modem.loss": x, "modem.loss_at_range": x} for x in self.losses}
-        slot = {f"slot {x:g} s": {"modem": "tdma", "modem.slot": x} for x in self.slots}
+        loss = {f"loss {x:g}": {"modem.loss": x, "modem.loss_at_range": x} for x in self.losses}
+        slot = {f"slot {x:g} s": {"modem.slot": x} for x in self.slots}
         return {**{name: {"modem": name} for name in BOUNDS}, **loss, **slot}
 
     def document(self, found: Points, asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -114,6 +114,7 @@ class EntityPolicy:
     mate_names: tuple[str, ...]
     width: int
     hold: int = 1  # steps between decisions
+    courses: str = "auto"  # relative to what the fleet at hand steers: "line", "heading"; auto: the line where there is one tag
     weights: Mapping[str, np.ndarray] = field(repr=False)  # float32, as ``entity_weight_shapes`` says; copied
     seed: int = 0  # of the draws made when not deterministic
     _layout: EntityLayout = field(init=False, repr=False)
@@ -142,6 +143,11 @@ class EntityPolicy:
         object.__setattr__(self, "_weights", {name: array.astype(np.float64) for name, array in weights.items()})
         object.__setattr__(self, "_layout", self._fit_layout())
         object.__setattr__(self, "_generator", np.random.default_rng(self.seed))
+        if self.courses not in ("auto", "heading", "line") or (self.courses == "line" and len(self._layout.tags) > 1):
+            raise ValueError(
+                f"courses of a fleet's policy are relative to the heading, or with one tag to the line, got {self.courses!r}; "
+                "drop steer_by"
+            )
 
     def _fit_layout(self) -> EntityLayout:
         """The layout of the fleet at hand, with the policy's own features of each entity."""
@@ -161,8 +167,8 @@ class EntityPolicy:
 
     @property
     def by_heading(self) -> bool:
-        """Whether its courses are relative to the own heading: where there are several tags."""
-        return len(self._layout.tags) > 1
+        """Whether its courses are relative to the own heading."""
+        return self.courses == "heading" or (self.courses == "auto" and len(self._layout.tags) > 1)
 
     def predict(
         self,

@@ -50,7 +50,8 @@ class TrainConfig:
     tags: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the task's own, 1)")] = None
     """Tagged fish, at most 20."""
     modem: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the task's own, perfect)")] = None
-    """What the vehicles may tell one another: perfect (one belief for all), none (one each), tdma (packets in turn)."""
+    """What the vehicles may tell one another: perfect (one belief for all), none (one each), instant (all told at once), tdma
+    (packets in turn)."""
     set: Annotated[Texts, tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction] = ()
     """Parameters of the scenario, for instance water.noisy_share=0.3 reward.standoff=2."""
     hyper: Annotated[Texts, tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction] = ()

@@ -16,12 +16,13 @@ from tagtrack.policies.entities import EntityPolicy, find_entities
 class EntityActor(nn.Module):
     """Mean action (B, A) and a summary (B, 4 W + own) for the critic, of flat observations (B, D)."""
 
-    def __init__(self, names: tuple[str, ...], extras: int, width: int, ahead: float) -> None:
+    def __init__(self, names: tuple[str, ...], extras: int, width: int, ahead: float, by_heading: bool | None = None) -> None:
         super().__init__()
         layout = find_entities(names)
         self.own, self.tags = list(layout.own), [list(row) for row in layout.tags]
         self.mates = [list(row) for row in layout.mates]
-        self.width, self.extras, self.several = width, extras, len(self.tags) > 1
+        self.width, self.extras = width, extras
+        self.by_heading = len(self.tags) > 1 if by_heading is None else by_heading
         self.bearing = (layout.tag_names.index("bearing_cos"), layout.tag_names.index("bearing_sin"))
         own, tag, mate = len(layout.own_names), len(layout.tag_names), len(layout.mate_names)
         self.layers = nn.ModuleDict(
@@ -57,7 +58,7 @@ class EntityActor(nn.Module):
         proposed = self.layers["point_1"](self._layer("point_0", beside))
         weight = torch.softmax(proposed[..., 0], dim=1)
         ahead, port = proposed[..., 1], proposed[..., 2]
-        if self.several:
+        if self.by_heading:
             cos, sin = tags[..., self.bearing[0]], tags[..., self.bearing[1]]
             ahead, port = ahead * cos - port * sin, ahead * sin + port * cos
         mean = torch.stack([(weight * ahead).sum(dim=1), (weight * port).sum(dim=1)], dim=1)
@@ -80,10 +81,10 @@ class EntityActor(nn.Module):
 class _ActorAndCritic(nn.Module):
     """In the place of SB3's extractor: the actor gives its mean, the critic sees the same summary and the flat observation."""
 
-    def __init__(self, features: int, names: tuple[str, ...], extras: int, width: int, ahead: float) -> None:
+    def __init__(self, names: tuple[str, ...], extras: int, width: int, ahead: float, by_heading: bool | None) -> None:
         super().__init__()
-        self.actor = EntityActor(names, extras, width, ahead)
-        self.twin = EntityActor(names, extras, width, ahead)  # the critic's own reading of the entities
+        self.actor = EntityActor(names, extras, width, ahead, by_heading)
+        self.twin = EntityActor(names, extras, width, ahead, by_heading)  # the critic's own reading of the entities
         self.critic = nn.Sequential(nn.Linear(self.twin.summary_width, width), nn.ReLU())
         self.latent_dim_pi, self.latent_dim_vf = 2 + extras, width
 
@@ -102,16 +103,19 @@ class EntityActorCritic(ActorCriticPolicy):
 
     Args:
         names: of the observation's features. width: of all layers. ahead: first bias of the course towards a tag.
+        by_heading: whether courses are relative to the own heading; where there are several tags if None.
     """
 
-    def __init__(self, *arguments: Any, names: tuple[str, ...], width: int, ahead: float, **options: Any) -> None:
-        self.names, self.width, self.ahead = tuple(names), width, ahead
+    def __init__(
+        self, *arguments: Any, names: tuple[str, ...], width: int, ahead: float, by_heading: bool | None = None, **options: Any
+    ) -> None:
+        self.names, self.width, self.ahead, self.by_heading = tuple(names), width, ahead, by_heading
         options |= {"net_arch": [], "ortho_init": False}
         super().__init__(*arguments, **options)
 
     def _build_mlp_extractor(self) -> None:
         extras = int(np.prod(self.action_space.shape or ())) - 2
-        self.mlp_extractor = _ActorAndCritic(self.features_dim, self.names, extras, self.width, self.ahead)  # type: ignore[assignment]
+        self.mlp_extractor = _ActorAndCritic(self.names, extras, self.width, self.ahead, self.by_heading)  # type: ignore[assignment]
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         super()._build(lr_schedule)
@@ -123,7 +127,7 @@ class EntityActorCritic(ActorCriticPolicy):
         data = super()._get_constructor_parameters()
         for name in ("net_arch", "ortho_init"):
             data.pop(name)
-        return {**data, "names": self.names, "width": self.width, "ahead": self.ahead}
+        return {**data, "names": self.names, "width": self.width, "ahead": self.ahead, "by_heading": self.by_heading}
 
 
 def export_entities(model: Any, *, env_id: str, action_names: tuple[str, ...], hold: int) -> EntityPolicy:
@@ -151,6 +155,7 @@ def export_entities(model: Any, *, env_id: str, action_names: tuple[str, ...], h
         mate_names=layout.mate_names,
         width=policy.width,
         hold=hold,
+        courses="heading" if actor.by_heading else "line",
         weights=weights,
     )
     rows = np.random.default_rng(0).uniform(-1, 1, (16, len(policy.names))).astype(np.float32)

@@ -12,6 +12,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from tagtrack.envs.frame import Frame
 from tagtrack.envs.layout import feature_names
 from tagtrack.train.checkpoint import Checkpoint
 from tagtrack.train.entity_network import EntityActorCritic
@@ -34,7 +35,10 @@ def build_model(settings: Settings, env: TagTrackVecEnv, seed: int, device: str)
         scenario = env.simulation.scenario
         entities = scenario.vehicles * scenario.targets > 1 or settings.hold > 1
         if entities:
+            if scenario.frame == Frame.CHOSEN or (scenario.frame == Frame.LINE and scenario.targets > 1):
+                raise ValueError(f"a fleet's policy steers by its heading, got steer_by={scenario.frame.name.lower()}; drop it")
             network = {"names": feature_names(scenario), "width": settings.width, "ahead": settings.ahead}
+            network["by_heading"] = scenario.frame == Frame.HEADING
         with even_batches():
             ppo = PPO(
                 EntityActorCritic if entities else "MlpPolicy",

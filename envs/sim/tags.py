@@ -16,8 +16,7 @@ from tagtrack.envs.sensors.sensor import DRAWS
 # the fish remembers.
 TARGET = np.dtype(
     [(name, np.float64) for name in ("first_ping", "last_ping", "previous_ping", "next_ping", "depth")]
-    + [("pings", np.int64), ("pinged", np.bool_), ("drawn", np.float64, (DRAWS,)), ("memory", np.float64, (MEMORY,))],
-    align=True,
+    + [("pings", np.int64), ("pinged", np.bool_), ("drawn", np.float64, (DRAWS,)), ("memory", np.float64, (MEMORY,))]
 )
 
 

@@ -68,8 +68,7 @@ VEHICLE = np.dtype(
             "x", "y", "heading", "speed", "since_fix", "course", "current_x", "current_y", "compass_bias", "energy", "charge",
         )
     ]
-    + [("gone", np.bool_)],
-    align=True,
+    + [("gone", np.bool_)]
 )  # fmt: skip
 
 

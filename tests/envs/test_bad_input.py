@@ -43,7 +43,7 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"scenario": "LeopardShark"}, "scenario must be a tagtrack.envs.scenario.Scenario, got 'LeopardShark'"),
         ({"vehicles": 21}, "vehicles must be a whole number from 1 to 20, got 21"),
         ({"tags": 0}, "tags must be a whole number from 1 to 20, got 0"),
-        ({"modem": "radio"}, "modem must be one of perfect, none, tdma, .*got 'radio'"),
+        ({"modem": "radio"}, "modem must be one of perfect, none, instant, tdma, .*got 'radio'"),
         ({"time_scale": 0.5}, "time_scale=0.5 slows a recorded track, but none is given; add tracks=FILE"),
     ],
 )

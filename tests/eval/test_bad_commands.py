@@ -57,7 +57,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--set", "belief.particles=5"), "--particles"),
         (("--vehicles", "0"), "vehicles must be a whole number from 1 to 20, got 0"),
         (("--tags", "21"), "tags must be a whole number from 1 to 20, got 21"),
-        (("--modem", "radio"), "modem must be one of perfect, none, tdma, or MODULE:CLASS of your own, got 'radio'"),
+        (("--modem", "radio"), "modem must be one of perfect, none, instant, tdma, or MODULE:CLASS of your own, got 'radio'"),
         (("--vehicles", "2", "--policies", "static_array"), "static_array stands for one vehicle and one tag, got vehicles=2"),
         (("--tags", "2", "--policies", "uncertain:per_metre=-1"), "Uncertain.per_metre must be at least 0, got -1.0"),
         (("--tracks", "none.csv"), "no track file none.csv"),

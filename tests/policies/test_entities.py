@@ -26,7 +26,7 @@ def policy_for(scenario: Scenario, trained_on: Scenario | None = None, hold: int
     return EntityPolicy(
         env_id="a test", observation_features=feature_names(scenario), action_names=action_names(scenario),
         own_names=layout.own_names, tag_names=layout.tag_names, mate_names=layout.mate_names, width=8, hold=hold,
-        weights={name: rng.normal(0, 0.5, shape).astype(np.float32) for name, shape in shapes.items()},
+        weights={name: rng.normal(0, 0.2, shape).astype(np.float32) for name, shape in shapes.items()},
     )  # fmt: skip
 
 
@@ -167,3 +167,20 @@ def test_nan_in_an_observation_is_named() -> None:
     rows[2, 4] = np.nan
     with pytest.raises(ValueError, match=r"feature 4 \('tag_0.log_spread_along'\) of row 2 is nan: it must be finite"):
         policy_for(FLEET).predict(rows)
+
+
+@pytest.mark.parametrize("courses", ["line", "chosen"])
+def test_courses_that_it_cannot_give_are_refused(courses: str) -> None:
+    with pytest.raises(ValueError, match=rf"relative to the heading, or with one tag to the line, got '{courses}'; drop"):
+        replace(policy_for(FLEET), courses=courses)
+
+
+def test_with_one_tag_a_course_is_the_same_to_the_line_and_by_the_heading() -> None:
+    one = replace(FLEET, targets=1)
+    rows, names = rows_of(one), list(feature_names(one))
+    bearing = np.linspace(-3.0, 3.0, len(rows))
+    rows[:, names.index("bearing_cos")], rows[:, names.index("bearing_sin")] = np.cos(bearing), np.sin(bearing)
+    by_line, _ = replace(policy_for(one), courses="line").predict(rows, deterministic=True)
+    by_heading, _ = replace(policy_for(one), courses="heading").predict(rows, deterministic=True)
+    turned = np.arctan2(by_heading[:, 1], by_heading[:, 0]) - np.arctan2(by_line[:, 1], by_line[:, 0])
+    np.testing.assert_allclose(np.cos(turned - bearing), 1.0, atol=1e-5)
