@@ -69,7 +69,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     * ``modem="perfect"``: one belief for all, of all that any vehicle hears. ``"none"``: each has its own and knows nothing of
       the others. ``"instant"``: each has its own, and all tell all at each step but for losses. ``"tdma"``: each has its own,
-      and packets of pose and measurements travel in turn, at the speed of sound, and may be lost or late (``modem.slot``, ``modem.loss`` ...); late ones change the belief as if they had come in time.
+      and packets of pose and measurements travel in turn, at the speed of sound, and may be lost or late (``modem.slot``,
+      ``modem.loss`` ...); late ones change the belief as if they had come in time.
     * ``vehicle.battery`` [Wh] above 0: a vehicle whose battery is empty leaves.
     * ``vehicle.arena`` [m] above 0: a vehicle farther from the origin turns back of itself, whatever its action says.
     * ``tag.burst`` [s] above 0: pings that come to a vehicle at once destroy one another.
