@@ -156,5 +156,9 @@ def compiled(function: Callable[..., Any]) -> Any:
 
     Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of
     a direct call or that of the step, and two optimizations of one loop may differ in the last bit.
+
+    References to arrays are not counted (``_nrt=False``): kernels work on arrays that their callers hold and make none of their
+    own, which numba then refuses to compile. Counting them, by two locked additions for each array of a tuple at each call of
+    an inlined function, took half of all that a step costs beside its particles.
     """
-    return numba.njit(cache=True, forceinline=True, nogil=True, fastmath=FAST_MATHS, error_model="numpy")(function)
+    return numba.njit(cache=True, _nrt=False, forceinline=True, nogil=True, fastmath=FAST_MATHS, error_model="numpy")(function)
