@@ -142,7 +142,8 @@ class Information(InformedHeuristic):
         information = np.zeros(poses.x.shape[:2], np.float32)
         add_up_information(
             *(part.astype(np.float32) for part in (x, y, *ahead, depth, offset)),
-            self._tables.chance, self._tables.likelihood, self._entropy, self._tables.by_distance, information,
+            self._tables.chance, self._tables.likelihood, self._entropy, self._tables.by_distance,
+            np.empty(self._tables.likelihood.shape[1], np.float32), information,
         )  # fmt: skip
         return information.astype(np.float64)
 

@@ -17,7 +17,7 @@ f32 = np.float32
 
 @compiled
 def add_up_information(
-    x, y, own_x, own_y, ahead_x, ahead_y, depth, offset, chance, likelihood, entropy, by_distance, information
+    x, y, own_x, own_y, ahead_x, ahead_y, depth, offset, chance, likelihood, entropy, by_distance, mixture, information
 ):
     """Sum over pings of the mutual information between a reading and the particles, times the chance of hearing it.
 
@@ -33,14 +33,13 @@ def add_up_information(
         likelihood: (A, Z) float32 p(z|x), by the cosine of the bearing to a particle, in A equal bins from -1 to 1, or
             ``by_distance`` in whole metres, where the last row counts for all beyond.
         entropy: (A,) float32 entropy of each row of ``likelihood`` [nats].
-        information: (B, K) float32, filled [nats].
+        mixture: (Z,) float32, room to work in. information: (B, K) float32, filled [nats].
     """
     rows, count = x.shape
     readings = likelihood.shape[1]
     half_bins = f32(0.5 * likelihood.shape[0])
     last_bin = likelihood.shape[0] - 1
     last_metre = chance.shape[0] - 1
-    mixture = np.empty(readings, np.float32)
     for b in range(rows):
         for k in range(own_x.shape[1]):
             total = f32(0.0)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import keep, past_of
 from tagtrack.envs.belief.listening import get_to_know, ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 from tagtrack.envs.kernels.random import place_of, stream_of
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.observation import (
@@ -22,7 +21,7 @@ from tagtrack.envs.observation import (
 )
 
 
-@compiled
+@inner
 def begin_beliefs(b, p, worlds, scratch):
     """First particles about each belief's vehicle; nothing was heard, nothing told."""
     stream = stream_of(worlds.clock[b])
@@ -41,26 +40,21 @@ def begin_beliefs(b, p, worlds, scratch):
             worlds.mates[b, v, other].known = False
 
 
-@compiled
-def update_beliefs(b, p, worlds, scratch):
-    """Prediction, correction with what the vehicles that share a belief have measured or were told, and summary, step by step.
+@inner
+def update_beliefs(b, step, p, worlds, scratch):
+    """Prediction, correction with what the vehicles that share a belief have measured or were told, and summary.
 
-    That is one step, but for a belief that has gone back for something that came late (``exchange.py``).
+    A belief that has gone back for something that came late goes on from step ``worlds.since`` (``exchange.py``).
     """
     k0, k1, episode, _ = stream_of(worlds.clock[b])
-    now = worlds.clock[b].step
+    stream, place = (k0, k1, episode, np.uint64(step)), step % worlds.past_poses.shape[3]
     for o in range(worlds.beliefs.shape[1]):
         if not (p.modem.shares or worlds.navigation[b, o].active):
             continue
         for t in range(worlds.beliefs.shape[2]):
-            particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
-            listeners, steps = worlds.listeners[b, o, t], worlds.past_poses.shape[3]
-            note_told(b, o, t, now % steps, p, worlds)
-            first = worlds.since[b, o, t] if p.modem.talks else now
-            for step in range(first, now + 1):
-                if step > first:
-                    keep(past_of(b, o, t, worlds), step, particles, carried, worlds.beliefs[b, o, t : t + 1], listeners)
-                stream, row, place = (k0, k1, episode, np.uint64(step)), place_of(o, t), step % steps
+            if step >= worlds.since[b, o, t]:
+                particles, carried, belief = worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t]
+                listeners, row = worlds.listeners[b, o, t], place_of(o, t)
                 told, pose = worlds.past_measurements[b, o, t, place], worlds.past_poses[b, o, t, place]
                 predict_row(particles, carried, belief, listeners, stream, row, p.belief, p.time_step, scratch)
                 correct_row(particles, carried, belief, told, listeners, stream, row, p.belief, scratch)
@@ -68,25 +62,29 @@ def update_beliefs(b, p, worlds, scratch):
                 worlds.outlooks[b, o, t].port = port
 
 
-@compiled
-def note_told(b, o, t, place, p, worlds):
-    """What a belief is told of this step: what all vehicles measured, or its own one, and the others that it has just heard.
+@inner
+def note_told(b, p, worlds):
+    """What each belief is told of this step: what all vehicles measured, or its own one, and the others that it has just heard.
 
     Where vehicles talk in packets the others' places were emptied when the step began (``hindsight.recall``).
     """
-    worlds.past_poses[b, o, t, place] = worlds.navigation[b, o]
-    for v in range(worlds.navigation.shape[1]):
-        if p.modem.shares or v == o:
-            worlds.past_measurements[b, o, t, place, v] = worlds.measurements[b, v, t]
-        elif p.modem.calls and worlds.mail[b, o, v] > 0:  # from the place where it says it is
-            worlds.past_measurements[b, o, t, place, v] = worlds.measurements[b, v, t]
-            worlds.past_measurements[b, o, t, place, v].x += worlds.packets[b, v, 0].x - worlds.navigation[b, v].x
-            worlds.past_measurements[b, o, t, place, v].y += worlds.packets[b, v, 0].y - worlds.navigation[b, v].y
-        elif not p.modem.talks:
-            worlds.past_measurements[b, o, t, place, v].status = Status.ABSENT
+    place = worlds.clock[b].step % worlds.past_poses.shape[3]
+    for o in range(worlds.beliefs.shape[1]):
+        for t in range(worlds.beliefs.shape[2]):
+            worlds.past_poses[b, o, t, place] = worlds.navigation[b, o]
+            for v in range(worlds.navigation.shape[1]):
+                told = worlds.past_measurements[b, o, t, place]
+                called = p.modem.calls and worlds.mail[b, o, v] > 0
+                if p.modem.shares or v == o or called:
+                    told[v] = worlds.measurements[b, v, t]
+                    if called:  # from the place where it says it is
+                        told[v].x += worlds.packets[b, v, 0].x - worlds.navigation[b, v].x
+                        told[v].y += worlds.packets[b, v, 0].y - worlds.navigation[b, v].y
+                elif not p.modem.talks:
+                    told[v].status = Status.ABSENT
 
 
-@compiled
+@inner
 def meet_mates(b, p, worlds):
     """With a fusion centre every vehicle knows of every other that takes part; else of those just heard."""
     if p.modem.calls:
@@ -101,7 +99,7 @@ def meet_mates(b, p, worlds):
                 worlds.mates[b, w, v].known = worlds.navigation[b, v].active
 
 
-@compiled
+@inner
 def condense(b, p, worlds):
     """The summary of every belief, as it is after each step, at the beginning."""
     for o in range(worlds.beliefs.shape[1]):
@@ -112,7 +110,7 @@ def condense(b, p, worlds):
     meet_mates(b, p, worlds)
 
 
-@compiled
+@inner
 def observe_all(b, p, worlds, outputs):
     """Write what each vehicle sees; nothing where it takes no part any more."""
     for v in range(worlds.navigation.shape[1]):
@@ -122,7 +120,7 @@ def observe_all(b, p, worlds, outputs):
             outputs.observation[b, v, :] = 0.0
 
 
-@compiled
+@inner
 def observe(b, v, p, worlds, out):
     """The observation of one vehicle: tags, teammates, itself."""
     owners, tags, vehicles = worlds.beliefs.shape[1], worlds.beliefs.shape[2], worlds.navigation.shape[1]

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.belief.hindsight import is_worth_telling, past_of, recall, take_down
+from tagtrack.envs.belief.hindsight import is_worth_telling, keep, past_of, recall, take_down
 from tagtrack.envs.belief.listening import get_to_know
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.believing import update_beliefs
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.random import stream_of
 from tagtrack.envs.sim.modem import deliver, send_in_turn
 
@@ -23,10 +24,10 @@ def exchange_worlds(first, last, parameters, actions, worlds, scratch):
         take_down_news(b, p, worlds)
         travel(b, p, actions, worlds)
         read_mail(b, worlds)
-        recall_beliefs(b, p, worlds)
+        recall_beliefs(b, p, worlds, scratch)
 
 
-@compiled
+@inner
 def take_down_news(b, p, worlds):
     """What a vehicle measured at this step waits for its next packet."""
     for v in range(worlds.radios.shape[1]):
@@ -37,7 +38,7 @@ def take_down_news(b, p, worlds):
                     take_down(worlds.radios[b, v], worlds.outbox[b, v], worlds.measurements[b, v, t], status)
 
 
-@compiled
+@inner
 def travel(b, p, actions, worlds):
     """Packets leave in the slots until the next step, from where the vehicles are now; what comes by then is delivered."""
     k0, k1, episode, step = stream_of(worlds.clock[b])
@@ -52,7 +53,7 @@ def travel(b, p, actions, worlds):
     deliver(worlds.mail[b], worlds.arrivals[b], worlds.navigation[b], time + p.time_step)
 
 
-@compiled
+@inner
 def read_mail(b, worlds):
     """Teammates are where they were when they sent what has just come."""
     for w in range(worlds.mail.shape[1]):
@@ -63,15 +64,27 @@ def read_mail(b, worlds):
                 get_to_know(worlds.mates[b, w, v], packet, packet.time)
 
 
-@compiled
-def recall_beliefs(b, p, worlds):
-    """Where something has come late, go back to before it; ``worlds.since`` tells from which step on each belief is to go."""
+@inner
+def recall_beliefs(b, p, worlds, scratch):
+    """Where something has come late, beliefs go back to before it, and on again up to the step that has just been."""
     coming = worlds.clock[b].step + 1
+    first = coming
     for o in range(worlds.beliefs.shape[1]):
-        if worlds.navigation[b, o].active:
-            for t in range(worlds.beliefs.shape[2]):
+        for t in range(worlds.beliefs.shape[2]):
+            worlds.since[b, o, t] = coming
+            if worlds.navigation[b, o].active:
                 worlds.since[b, o, t] = recall(
                     past_of(b, o, t, worlds), t, coming, p.time_step, worlds.mail[b, o], worlds.packets[b], worlds.letters[b],
                     worlds.radios[b, o], worlds.particles[b, o, t], worlds.carried[b, o, t], worlds.beliefs[b, o, t : t + 1],
                     worlds.listeners[b, o, t],
                 )  # fmt: skip
+            first = min(first, worlds.since[b, o, t])
+    for step in range(first, coming):
+        update_beliefs(b, step, p, worlds, scratch)
+        for o in range(worlds.beliefs.shape[1]):
+            for t in range(worlds.beliefs.shape[2]):
+                if step >= worlds.since[b, o, t]:
+                    keep(
+                        past_of(b, o, t, worlds), step + 1, worlds.particles[b, o, t], worlds.carried[b, o, t],
+                        worlds.beliefs[b, o, t : t + 1], worlds.listeners[b, o, t],
+                    )  # fmt: skip

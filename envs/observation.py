@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from tagtrack.envs.frame import Frame
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.summary_loops import share_to_port
 from tagtrack.envs.kernels.weighted_loops import weighted_share_to_port
@@ -26,7 +26,7 @@ HEADING, CHOSEN = int(Frame.HEADING), int(Frame.CHOSEN)
 OUTLOOK = np.dtype([(name, np.float64) for name in ("cos_lately", "sin_lately", "port")])
 
 
-@compiled
+@inner
 def choose_tag(action, tags, speed_control, frame):
     """The tag that an action is about: of those that it may choose the one with the largest component, else the first."""
     tag = 0
@@ -38,7 +38,7 @@ def choose_tag(action, tags, speed_control, frame):
     return tag
 
 
-@compiled
+@inner
 def decode_action(action, navigation, belief, max_speed, speed_control, frame):
     """Course [rad] and speed [m/s] of an action, given what is believed of the tag that it is about.
 
@@ -58,7 +58,7 @@ def decode_action(action, navigation, belief, max_speed, speed_control, frame):
     return course, speed
 
 
-@compiled
+@inner
 def begin_outlook(outlook):
     """Before the first step."""
     outlook.cos_lately = 0.0
@@ -79,7 +79,7 @@ def look_to_port(outlook, particles, carried, navigation):
         outlook.port = share_to_port(x, y, own_x, own_y, ahead_x, ahead_y)
 
 
-@compiled
+@inner
 def look(outlook, belief, navigation, memory, time_step):
     """Update the averages that the observation remembers."""
     line = math.atan2(belief.estimate_y - navigation.y, belief.estimate_x - navigation.x)
@@ -88,7 +88,7 @@ def look(outlook, belief, navigation, memory, time_step):
     outlook.sin_lately += share * (math.sin(line - navigation.heading) - outlook.sin_lately)
 
 
-@compiled
+@inner
 def observe_tag(out, belief, listener, outlook, navigation, phase, rule, scale):
     """Write the features of one tag, in the order of ``tag_features``, each clipped to its bounds; the sensor's own first."""
     dx = belief.estimate_x - navigation.x
@@ -128,7 +128,7 @@ def observe_tag(out, belief, listener, outlook, navigation, phase, rule, scale):
     rest[6] = phase
 
 
-@compiled
+@inner
 def observe_teammates(out, belief, navigation, mates, v, scale):
     """How near the nearest known teammate is to a tag."""
     nearest = np.inf
@@ -139,7 +139,7 @@ def observe_teammates(out, belief, navigation, mates, v, scale):
     out[0] = min(max(math.log((nearest + 1.0) / scale.near), -4.0), FARTHEST) if nearest < np.inf else FARTHEST
 
 
-@compiled
+@inner
 def observe_mate(out, mate, navigation, time, max_speed, scale):
     """Write the features of one teammate, in the order of ``mate_features``."""
     out[:] = 0.0
@@ -159,7 +159,7 @@ def observe_mate(out, mate, navigation, time, max_speed, scale):
     out[8] = min(max(mate.speed / max_speed, 0.0), 1.0)
 
 
-@compiled
+@inner
 def observe_own(out, navigation, radio, v, time, p):
     """Write the features of the vehicle itself, in the order of ``own_features``."""
     out[0] = math.cos(navigation.heading)

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from tagtrack.envs.kernels.calling import ROW
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 from tagtrack.envs.rewards.term import judge_at
 from tagtrack.envs.sim.vehicle import separation_of
 
 
-@compiled
+@inner
 def judge(b, p, worlds, outputs):
     """Errors, outcomes and terms of the reward of one world."""
     owners, tags = worlds.beliefs.shape[1], worlds.beliefs.shape[2]
@@ -32,7 +32,7 @@ def judge(b, p, worlds, outputs):
         share(worlds.vehicles[b], outputs.terms[b])
 
 
-@compiled
+@inner
 def sum_up(b, v, p, worlds, error, outcome):
     """What the step came to for one vehicle."""
     owners, tags = error.shape
@@ -63,7 +63,7 @@ def sum_up(b, v, p, worlds, error, outcome):
     outcome.messages = worlds.radios[b, v].sent_now
 
 
-@compiled
+@inner
 def share(vehicles, terms):
     """Give every vehicle that takes part the mean over all of them."""
     for k in range(terms.shape[1]):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, place_of, stream_of, uniform_pair
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, swim
@@ -18,7 +18,7 @@ from tagtrack.envs.sim.tags import ping_within, start_pinging
 from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back
 
 
-@compiled
+@inner
 def begin_truth(b, p, tracks, places, worlds, scratch):
     """Launch the vehicles at ``places`` (V, 2), put the fish in the water, and let nobody have heard or sent anything."""
     stream = stream_of(worlds.clock[b])
@@ -36,7 +36,7 @@ def begin_truth(b, p, tracks, places, worlds, scratch):
             worlds.measurements[b, v, t].status = Status.ABSENT
 
 
-@compiled
+@inner
 def place_fish(target, fish, stream, t, p, tracks, scratch):
     """Put a fish at a random bearing and distance from the origin, swimming, with its tag."""
     start_pinging(target, stream, t, p.tag)
@@ -61,7 +61,7 @@ def place_fish(target, fish, stream, t, p, tracks, scratch):
         start_swimming(fish, scratch.bits[:4], p.calls.start, p.fish[:])
 
 
-@compiled
+@inner
 def sense(b, p, tracks, actions, worlds, scratch):
     """Steer, swim, hear: the first part of a step."""
     clock = worlds.clock[b]
@@ -78,7 +78,7 @@ def sense(b, p, tracks, actions, worlds, scratch):
         call_out(worlds.mail[b], worlds.packets[b], worlds.navigation[b], stream, p.modem)
 
 
-@compiled
+@inner
 def steer_vehicles(b, p, actions, worlds, stream):
     """Vehicles that take part hold their courses for a step; the others stay where they left."""
     shared = worlds.beliefs.shape[1] == 1
@@ -95,7 +95,7 @@ def steer_vehicles(b, p, actions, worlds, stream):
         draw_power(vehicle, navigation, p.vehicle, p.time_step)
 
 
-@compiled
+@inner
 def swim_fish(target, fish, stream, t, p, tracks, step, scratch):
     if p.calls.follow != 0:
         follow_at(p.calls.follow)(
@@ -109,7 +109,7 @@ def swim_fish(target, fish, stream, t, p, tracks, step, scratch):
         )  # fmt: skip
 
 
-@compiled
+@inner
 def hear_tags(b, p, worlds, stream, time):
     """Every vehicle that takes part listens for every tag."""
     for t in range(worlds.targets.shape[1]):

@@ -8,7 +8,7 @@ two steps, in ``exchange.py``.
 
 from __future__ import annotations
 
-from tagtrack.envs.believing import begin_beliefs, condense, meet_mates, observe_all, update_beliefs
+from tagtrack.envs.believing import begin_beliefs, condense, meet_mates, note_told, observe_all, update_beliefs
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.referee import judge
 from tagtrack.envs.sensing import begin_truth, sense
@@ -34,7 +34,8 @@ def step_worlds(first, last, parameters, tracks, actions, worlds, outputs, scrat
     p = parameters[0]
     for b in range(first, last):
         sense(b, p, tracks, actions, worlds, scratch)
-        update_beliefs(b, p, worlds, scratch)
+        note_told(b, p, worlds)
+        update_beliefs(b, worlds.clock[b].step, p, worlds, scratch)
         meet_mates(b, p, worlds)
         observe_all(b, p, worlds, outputs)
         judge(b, p, worlds, outputs)
@@ -52,6 +53,8 @@ def sense_worlds(first, last, parameters, tracks, actions, worlds, outputs, scra
 def believe_worlds(first, last, parameters, worlds, outputs, scratch):
     """The second half of ``step_worlds`` but for the referee."""
     for b in range(first, last):
-        update_beliefs(b, parameters[0], worlds, scratch)
-        meet_mates(b, parameters[0], worlds)
-        observe_all(b, parameters[0], worlds, outputs)
+        p = parameters[0]
+        note_told(b, p, worlds)
+        update_beliefs(b, worlds.clock[b].step, p, worlds, scratch)
+        meet_mates(b, p, worlds)
+        observe_all(b, p, worlds, outputs)

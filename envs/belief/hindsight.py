@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 from tagtrack.envs.kernels.resample_loops import copy_row
 from tagtrack.envs.measurement import Status
 
@@ -26,7 +26,7 @@ class Past(NamedTuple):
     poses: np.ndarray  # (K,) NAVIGATION of the belief's own vehicle after the step
 
 
-@compiled
+@inner
 def past_of(b, o, t, worlds):
     """The last steps of one belief."""
     return Past(
@@ -35,7 +35,7 @@ def past_of(b, o, t, worlds):
     )  # fmt: skip
 
 
-@compiled
+@inner
 def keep(past, step, particles, carried, beliefs, listeners):
     """Remember the state before a step; the belief is the one of ``beliefs`` (1,)."""
     place = step % past.beliefs.shape[0]
@@ -46,7 +46,7 @@ def keep(past, step, particles, carried, beliefs, listeners):
         past.listeners[place, v] = listeners[v]
 
 
-@compiled
+@inner
 def recall(past, tag, coming, time_step, mail, packets, letters, radio, particles, carried, beliefs, listeners):
     """Take up what has just come about a tag, and go back to before it was measured.
 
@@ -81,20 +81,20 @@ def recall(past, tag, coming, time_step, mail, packets, letters, radio, particle
     return first
 
 
-@compiled
+@inner
 def copy_rows(to, of):
     for r in range(of.shape[0]):
         for i in range(of.shape[1]):
             to[r, i] = of[r, i]
 
 
-@compiled
+@inner
 def is_worth_telling(status, weighs_silence):
     """A ping, or where silence is weighed one that was surely missed."""
     return status == Status.HEARD or (status == Status.MISSED and weighs_silence)
 
 
-@compiled
+@inner
 def take_down(radio, outbox, measurement, status):
     """Keep a vehicle's own measurement for its next packet, the newest first; where there is no room the oldest goes."""
     room = outbox.shape[0]

@@ -13,13 +13,13 @@ import math
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.measurement import READINGS, Status
 
 UNKNOWN_PHASE = -1.0  # of a tag at a fixed period that was never heard
 
 
-@compiled
+@inner
 def begin_listening(listener, time, longest_interval):
     """Nothing was heard yet."""
     listener.status = Status.NOTHING
@@ -34,7 +34,7 @@ def begin_listening(listener, time, longest_interval):
         listener.previous[k] = np.nan
 
 
-@compiled
+@inner
 def note(listener, measurement, longest_interval):
     """Take up a measurement; ``listener.status`` afterwards says whether a ping was heard, surely missed, or neither."""
     heard = measurement.status == Status.HEARD
@@ -72,7 +72,7 @@ def ping_phase(listener, time, period, random_delay):
     return since_ping - math.floor(since_ping)
 
 
-@compiled
+@inner
 def get_to_know(mate, pose, time):
     """A teammate is where it says it was at a time."""
     mate.known = True

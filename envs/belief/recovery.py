@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.motion_loops import FULL_TURN
 from tagtrack.envs.kernels.random import PURPOSES, RECOVERY, uniform_pair
 from tagtrack.envs.kernels.resample_loops import restore_mean, total_weight
@@ -58,7 +58,7 @@ def follow_likelihood(belief, weight, readings, recovery):
     return max(0.0, 1.0 - belief.w_fast / belief.w_slow) if belief.w_slow > 0.0 else 0.0
 
 
-@compiled
+@inner
 def first_moved(carried, count, stream, purpose):
     """Where to begin when every n-th of N particles goes, ``count`` in all.
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from tagtrack.envs.belief.recovery import first_moved
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.maths import sin_of_turns
 from tagtrack.envs.kernels.motion_loops import displace, scatter_on_annulus
 from tagtrack.envs.kernels.random import (
@@ -91,7 +91,7 @@ def renew(particles, carried, belief, stream, row, rule):
         restore_mean(carried)
 
 
-@compiled
+@inner
 def part_siblings(particles, belief, stream, row, rule, scratch):
     """Regularized resampling: normals with the covariance of the resampled particles, as narrow as so many particles allow.
 
@@ -115,7 +115,7 @@ def part_siblings(particles, belief, stream, row, rule, scratch):
     displace(x, y, scratch.normal_1, scratch.normal_2, f32(width) * along, f32(width) * shared, f32(width) * own)
 
 
-@compiled
+@inner
 def spread_estimated(values, stream, row, rule, scratch):
     """First values of the number that is estimated with the position, uniform over the interval that the belief assumes."""
     fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
@@ -125,7 +125,7 @@ def spread_estimated(values, stream, row, rule, scratch):
         values[i] = middle + width * (high_unit(scratch.bits[i]) - f32(0.5))
 
 
-@compiled
+@inner
 def walk_estimated(values, stream, row, rule, scratch):
     """A small step of each value within the interval: resampling alone would leave but a few of them."""
     fill_bits(stream, REACH + PURPOSES * row, scratch.bits)
@@ -137,7 +137,7 @@ def walk_estimated(values, stream, row, rule, scratch):
         values[i] = min(max(values[i] + step * scratch.normal_1[i], least), largest)
 
 
-@compiled
+@inner
 def summarize_estimated(values, carried, belief):
     """Mean and standard deviation of the values, by their weights where they carry any."""
     if carried.shape[0] > 0:

@@ -15,7 +15,7 @@ from tagtrack.envs.belief.assumptions import Estimate
 from tagtrack.envs.belief.listening import begin_listening, note
 from tagtrack.envs.belief.recovery import follow_likelihood, scatter_share, wants_second_resampling
 from tagtrack.envs.belief.renewal import is_refuted, part_siblings, renew, scatter_on_ring, spread_estimated, walk_estimated
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
 from tagtrack.envs.kernels.resample_loops import copy_row, fill_row, heaviest, normalize, resample
@@ -64,7 +64,7 @@ def make_scratch(particles: int) -> Scratch:
     )
 
 
-@compiled
+@inner
 def begin_row(particles, carried, belief, x, y, stream, row, rule, scratch):
     """First particles: uniform in a square about the vehicle at (x, y), with random headings and speeds (4.1)."""
     fill_bits(stream, SPREAD + PURPOSES * row, scratch.bits)
@@ -85,14 +85,14 @@ def begin_row(particles, carried, belief, x, y, stream, row, rule, scratch):
         spread_estimated(particles[4], stream, row, rule, scratch)
 
 
-@compiled
+@inner
 def begin_listeners(listeners, time, rule):
     """Nobody has heard anything."""
     for v in range(listeners.shape[0]):
         begin_listening(listeners[v], time, rule.longest_interval)
 
 
-@compiled
+@inner
 def predict_row(particles, carried, belief, listeners, stream, row, rule, time_step, scratch):
     """Prediction (Alg. 1, lines 2-3), at every step, whether or not a ping was heard."""
     bits, normal_1, normal_2 = scratch.bits, scratch.normal_1, scratch.normal_2
@@ -109,7 +109,7 @@ def predict_row(particles, carried, belief, listeners, stream, row, rule, time_s
         listeners[v].status = Status.NOTHING
 
 
-@compiled
+@inner
 def correct_row(particles, carried, belief, measurements, listeners, stream, row, rule, scratch):
     """Correction with what the vehicles tell (Alg. 1, lines 12-18), where they tell anything."""
     told = 0
@@ -151,7 +151,7 @@ def correct_row(particles, carried, belief, measurements, listeners, stream, row
             draw_by_weight(particles, carried, belief, second_offset, rule, scratch)
 
 
-@compiled
+@inner
 def nearer_ring(measurements, first, second, rule):
     """Which of two vehicles has the shorter range: its ring is the smaller one, and fullest of particles. -1: none yet."""
     if rule.ring_reading < 0 or first < 0:
@@ -174,7 +174,7 @@ def is_told(listener, rule):
     return listener.status == Status.MISSED and rule.weighs_silence
 
 
-@compiled
+@inner
 def weigh_all(particles, carried, measurements, listeners, rule, scratch):
     """The weights by what all vehicles tell, and by what the particles carry."""
     if carried.shape[0] > 0:
@@ -186,7 +186,7 @@ def weigh_all(particles, carried, measurements, listeners, rule, scratch):
             weigh(particles, measurements[v], rule, scratch)
 
 
-@compiled
+@inner
 def weigh(particles, measurement, rule, scratch):
     """Multiply the weights by the likelihood of what one vehicle heard, or of its silence (Alg. 1)."""
     weigh_at(rule.calls.weigh)(

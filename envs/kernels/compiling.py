@@ -30,7 +30,7 @@ FAST_MATHS = {"contract", "reassoc", "nsz", "arcp"}
 
 # What a kernel and an import within the package look like. To search the text takes a tenth of the time that parsing it would
 # take at each start; tests/envs/test_compiling.py holds both against Python's own parser.
-_KERNEL = re.compile(rb"^[ \t]*@(?:compiled|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b", re.MULTILINE)
+_KERNEL = re.compile(rb"^[ \t]*@(?:compiled|inner|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b", re.MULTILINE)
 _IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+tagtrack\.envs\b([\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
 
 
@@ -151,14 +151,37 @@ if SourceStampedCache not in CacheImpl._locator_classes:
     event.register("numba:compile", _Announcement())
 
 
+# References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own, which
+# numba then refuses to compile. Counting them, by two locked additions for each array of a tuple at each call of an inlined
+# function, took half of all that a step costs beside its particles.
+#
+# Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a
+# direct call or that of the step, and two optimizations of one loop may differ in the last bit.
+_OPTIONS = {
+    "cache": True, "nogil": True, "fastmath": FAST_MATHS, "error_model": "numpy", "forceinline": True, "_nrt": False,
+    "no_cfunc_wrapper": True,
+}  # fmt: skip
+
+
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows.
+    """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows."""
+    return numba.njit(**_OPTIONS)(function)
 
-    Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of
-    a direct call or that of the step, and two optimizations of one loop may differ in the last bit.
 
-    References to arrays are not counted (``_nrt=False``): kernels work on arrays that their callers hold and make none of their
-    own, which numba then refuses to compile. Counting them, by two locked additions for each array of a tuple at each call of
-    an inlined function, took half of all that a step costs beside its particles.
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile a part of kernels that only compiled code calls; without a door for Python the first compile is a fifth shorter.
+
+    Raises:
+        TypeError: when Python calls it.
     """
-    return numba.njit(cache=True, _nrt=False, forceinline=True, nogil=True, fastmath=FAST_MATHS, error_model="numpy")(function)
+    part = numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function)
+
+    def register(result: Any) -> None:  # for callers that are compiled; not in the table of calls from Python
+        part.overloads[tuple(result.signature.args)] = result
+
+    def refuse(*args: Any, **kwargs: Any) -> None:
+        raise TypeError(f"{function.__name__} is a part of compiled kernels; to call it from Python, decorate it with @compiled")
+
+    part.add_overload = register
+    part._compile_for_args = refuse
+    return part

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.maths import sin_of_turns
 from tagtrack.envs.kernels.random import high_unit, low_turn
 
@@ -19,7 +19,7 @@ TURNS = f32(0.5 / math.pi)  # turns per radian
 FULL_TURN = f32(2.0 * math.pi)
 
 
-@compiled
+@inner
 def scatter_uniformly(x, y, bits, centre_x, centre_y, half_width):
     """Place particles uniformly in a square about a centre (Clark et al. 2013, 4.1)."""
     for i in range(x.shape[0]):
@@ -27,7 +27,7 @@ def scatter_uniformly(x, y, bits, centre_x, centre_y, half_width):
         y[i] = centre_y + f32(2.0) * half_width * low_turn(bits[i])
 
 
-@compiled
+@inner
 def scatter_on_annulus(x, y, bits, centre_x, centre_y, least, largest):
     """Place particles about a centre at distances uniform between two and in all directions."""
     for i in range(x.shape[0]):
@@ -92,7 +92,7 @@ def advance_by_weight(x, y, heading, speed, weight, time_step):
     return sum_x / total, sum_y / total
 
 
-@compiled
+@inner
 def displace(x, y, normal_1, normal_2, along, shared, own):
     """Add correlated normals: ``along`` times the first to x, ``shared`` times the first and ``own`` times the second to y."""
     for i in range(x.shape[0]):

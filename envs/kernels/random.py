@@ -10,16 +10,17 @@ import math
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.maths import fast_log, sin_of_turns
 
 ROUNDS = 7
 
 # Purposes: the fourth counter word. Each owns the numbers drawn for it, so that adding a draw to one leaves the others alone.
-# A purpose that fills whole rows adds PURPOSES times the number of the row.
-START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMPLE = range(10)
-PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = range(10, 16)
-PURPOSES = 16
+# A purpose that fills whole rows adds PURPOSES times the number of the row. They are of numpy's type, for numba compiles a function
+# anew for each whole number of Python's that it is given.
+START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMPLE = np.arange(10)
+PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = np.arange(10, 16)
+PURPOSES = np.int64(16)
 # All sixteen are taken, and more of them would change the numbers of every row but the first. But RESAMPLE draws one number for
 # a row, under its own word and the row's index, so the words of its further rows are free; as are those of HEARING, READING and
 # WATER, which draw for pairs.
@@ -55,7 +56,7 @@ def philox(c0, c1, c2, c3, k0, k1, rounds):
     return c0 & _WORD, c1 & _WORD, c2 & _WORD, c3 & _WORD
 
 
-@compiled
+@inner
 def stream_of(clock):
     """The words that key all draws of one step: of the ``seed``, ``episode`` and ``step`` of a clock."""
     seed = clock.seed

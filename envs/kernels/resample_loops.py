@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.whole_particles import interleave, take_descendants
 
 f32 = np.float32
@@ -54,7 +54,7 @@ def find_first_pointers(fixed, total, offset):
         fixed[i] = min(i32(np.ceil(np.float64(fixed[i]) * pointers_per_unit - offset)), last)
 
 
-@compiled
+@inner
 def mark_first_children(first_pointer, parent):
     """Write each particle's number at its first pointer, 0 elsewhere: the running maximum of ``parent`` are the parents.
 
@@ -66,7 +66,7 @@ def mark_first_children(first_pointer, parent):
         parent[np.uintp(first_pointer[i])] = i32(i)  # of several with one first pointer only the last has a share
 
 
-@compiled
+@inner
 def gather_descendants(source, target, parent):
     """target[j] = source[largest of parent[0..j]] (unsigned: no test for an index from the end)."""
     highest = i32(0)
@@ -75,7 +75,7 @@ def gather_descendants(source, target, parent):
         target[j] = source[np.uint32(highest)]
 
 
-@compiled
+@inner
 def copy_row(source, target):
     """target[:] = source: numba's own slice assignment first tests for overlap and then copies one by one."""
     for j in range(target.shape[0]):
@@ -89,7 +89,7 @@ def fill_row(target, value):
         target[j] = value
 
 
-@compiled
+@inner
 def normalize(weight, target):
     """Weights in ``target``, another row, with a mean of 1. Returns the sum of their squares, N / share of effective particles.
 
@@ -107,7 +107,7 @@ def normalize(weight, target):
     return squares
 
 
-@compiled
+@inner
 def restore_mean(weight):
     """Give a row of weights, not all of them zero, a mean of 1 again."""
     scale = f32(weight.shape[0]) / total_weight(weight)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 
 f32 = np.float32
 
 
-@compiled
+@inner
 def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
     """Mean offset from a place (x, y) [m], and how many particles are to the left of a direction there: one pass for both."""
     sum_x = f32(0.0)
@@ -25,7 +25,7 @@ def mean_about(x, y, own_x, own_y, ahead_x, ahead_y):
     return sum_x / count, sum_y / count, left
 
 
-@compiled
+@inner
 def share_to_port(x, y, own_x, own_y, ahead_x, ahead_y):
     """Share of particles to port of a vehicle; ``ahead`` is the unit vector of its heading."""
     port = f32(0.0)
@@ -34,7 +34,7 @@ def share_to_port(x, y, own_x, own_y, ahead_x, ahead_y):
     return port / f32(x.shape[0])
 
 
-@compiled
+@inner
 def spread_about(x, y, mean_x, mean_y):
     """Second moments (xx, yy, xy) [m^2] about a mean."""
     xx = f32(0.0)
@@ -50,7 +50,7 @@ def spread_about(x, y, mean_x, mean_y):
     return xx / count, yy / count, xy / count
 
 
-@compiled
+@inner
 def mean_of(row):
     """Mean of a row."""
     total = f32(0.0)
@@ -59,7 +59,7 @@ def mean_of(row):
     return total / f32(row.shape[0])
 
 
-@compiled
+@inner
 def squares_about(row, mean):
     """Sum of the squares of a row about a mean."""
     total = f32(0.0)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 
 f32 = np.float32
 
 
-@compiled
+@inner
 def weighted_mean_about(x, y, weight, own_x, own_y, ahead_x, ahead_y):
     """Mean offset from a place (x, y) [m], the weight to the left of a direction there, and all weight."""
     sum_x = f32(0.0)
@@ -26,7 +26,7 @@ def weighted_mean_about(x, y, weight, own_x, own_y, ahead_x, ahead_y):
     return sum_x / total, sum_y / total, min(left, total), total
 
 
-@compiled
+@inner
 def weighted_share_to_port(x, y, weight, own_x, own_y, ahead_x, ahead_y):
     """Share of the weight to port of a vehicle; ``ahead`` is the unit vector of its heading."""
     port = f32(0.0)
@@ -37,7 +37,7 @@ def weighted_share_to_port(x, y, weight, own_x, own_y, ahead_x, ahead_y):
     return min(port / total, f32(1.0))
 
 
-@compiled
+@inner
 def weighted_spread_about(x, y, weight, mean_x, mean_y):
     """Second moments (xx, yy, xy) [m^2] about a mean."""
     xx = f32(0.0)
@@ -55,7 +55,7 @@ def weighted_spread_about(x, y, weight, mean_x, mean_y):
     return xx / total, yy / total, xy / total
 
 
-@compiled
+@inner
 def weighted_mean_of(row, weight):
     """Mean of a row, and all weight."""
     moment = f32(0.0)
@@ -66,7 +66,7 @@ def weighted_mean_of(row, weight):
     return moment / total, total
 
 
-@compiled
+@inner
 def weighted_squares_about(row, weight, mean):
     """Sum of the weighted squares of a row about a mean."""
     moment = f32(0.0)

@@ -13,7 +13,7 @@ from numba import types
 from numba.core.cgutils import ir, unpack_tuple  # ``ir``: numba's own builder of LLVM code
 from numba.extending import intrinsic
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 
 i32 = np.int32
 index = np.uintp  # unsigned: no test for an index from the end
@@ -21,7 +21,7 @@ WORD = ir.IntType(32)
 FOUR_FLOATS = ir.VectorType(ir.FloatType(), 4)
 
 
-@compiled
+@inner
 def interleave(x, y, heading, speed, whole):
     """Write particle i to whole[4 i : 4 i + 4]."""
     for i in range(x.shape[0]):
@@ -32,7 +32,7 @@ def interleave(x, y, heading, speed, whole):
         whole[first + index(3)] = speed[i]
 
 
-@compiled
+@inner
 def take_descendants(whole, parent, x, y, heading, speed):
     """Particle j becomes the interleaved one that is the largest of parent[0..j]: running maximum and copy in one pass.
 

@@ -25,7 +25,7 @@ from tagtrack.envs.kernels.calling import (
     wholes,
     word,
 )
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.motion_loops import advance, advance_by_weight
 from tagtrack.envs.kernels.random import fill_bits
 from tagtrack.envs.model import Model
@@ -118,7 +118,7 @@ def swim(particles, stream, purpose, bits, normal_1, normal_2, choose, parameter
     return advance(particles[0], particles[1], particles[2], particles[3], f32(time_step))
 
 
-@compiled
+@inner
 def swim_by_weight(particles, weight, stream, purpose, bits, normal_1, normal_2, choose, parameters, time_step):
     """As ``swim``, for a row of particles that carry weights (N,): the mean is weighted."""
     fill_bits(stream, purpose, bits)

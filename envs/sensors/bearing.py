@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from tagtrack.envs.feature import Feature
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.geometry import relative_bearing
 from tagtrack.envs.kernels.maths import fast_asin
 from tagtrack.envs.sensors.sensor import middle_cosines
@@ -38,7 +38,7 @@ def bearing_in_units(bearing):
     return ((-1e-6 * degrees + 2e-5) * degrees + 0.0947) * degrees - 0.2757
 
 
-@compiled
+@inner
 def round_units(units):
     """Whole units within the receiver's scale."""
     return min(max(math.floor(units + 0.5), -LARGEST_UNIT), LARGEST_UNIT)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.random import HEARING, MOST, OVERLAP, READING, START, WATER, normal_pair, place_of, uniform_pair
 from tagtrack.envs.measurement import READINGS, Status
 from tagtrack.envs.sensors.sensor import DRAWS, chance_at, read_at
@@ -40,7 +40,7 @@ class Water:
             require(0 <= getattr(self, name) <= 1, self, name, "within 0 to 1")
 
 
-@compiled
+@inner
 def open_encounter(encounter, stream, index, water, clock_sigma):
     """Before the first ping: the state of the water, and the error of the clocks."""
     chance, _ = uniform_pair(stream, START, 16 * index + 2)
@@ -51,7 +51,7 @@ def open_encounter(encounter, stream, index, water, clock_sigma):
     encounter.clock_error = clock_sigma * drift
 
 
-@compiled
+@inner
 def meet(encounter, vehicle, target, fish_x, fish_y, period):
     """Where vehicle and fish truly are."""
     dx = fish_x - vehicle.x
@@ -71,7 +71,7 @@ def meet(encounter, vehicle, target, fish_x, fish_y, period):
         encounter.drawn[k] = target.drawn[k]
 
 
-@compiled
+@inner
 def change_water(encounter, stream, index, water, time_step):
     """Bursts begin and end without memory (a Gilbert-Elliott channel)."""
     chance, _ = uniform_pair(stream, WATER, index)
@@ -91,7 +91,7 @@ def hearing_chance(distance, noisy, water):
     return near / (1.0 + math.exp(min((distance - water.reach) / water.edge_width, 50.0)))
 
 
-@compiled
+@inner
 def hear(encounter, stream, index, p):
     """Whether a ping is usable: all the sensor's hydrophones must hear it."""
     bow, stern = uniform_pair(stream, HEARING, index)
@@ -101,7 +101,7 @@ def hear(encounter, stream, index, p):
     return bow < chance and (p.hydrophones == 1 or stern < chance)
 
 
-@compiled
+@inner
 def is_destroyed(vehicle, targets, fish, v, t, stream, p):
     """Whether another tag's transmission, loud enough to be heard there, overlaps at a vehicle with the last one of tag ``t``.
 
@@ -124,7 +124,7 @@ def is_destroyed(vehicle, targets, fish, v, t, stream, p):
     return False
 
 
-@compiled
+@inner
 def overlaps(target, sent, burst):
     """Whether a tag has begun, or will begin, a transmission within ``burst`` of a time [s]."""
     last = target.last_ping >= 0.0 and abs(target.last_ping - sent) < burst
@@ -132,7 +132,7 @@ def overlaps(target, sent, burst):
     return last or previous or abs(target.next_ping - sent) < burst
 
 
-@compiled
+@inner
 def slant_range(vehicle, target, fish):
     """From a vehicle to a fish [m]."""
     dx, dy = np.float64(fish[0, 0]) - vehicle.x, np.float64(fish[1, 0]) - vehicle.y

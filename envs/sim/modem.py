@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import inner
 from tagtrack.envs.kernels.random import MODEM, MODEM_POSE, normal_pair, place_of, uniform_pair
 from tagtrack.envs.model import Model
 from tagtrack.envs.validation import require, settle_numbers
@@ -168,7 +168,7 @@ def modem_rule(modem: Modem, vehicles: int, readings: int, time_step: float, *, 
     )
 
 
-@compiled
+@inner
 def open_radio(radio, arrivals):
     """Nothing was sent yet, and nothing is on its way."""
     radio.wants = True
@@ -181,7 +181,7 @@ def open_radio(radio, arrivals):
     arrivals[...] = np.inf
 
 
-@compiled
+@inner
 def send_in_turn(radios, packets, letters, arrivals, outbox, navigation, vehicles, stream, time, time_step, rule):
     """All packets of the slots that begin within [time, time + time_step); what they hold is from ``time`` and before."""
     for v in range(radios.shape[0]):
@@ -194,7 +194,7 @@ def send_in_turn(radios, packets, letters, arrivals, outbox, navigation, vehicle
         n += 1
 
 
-@compiled
+@inner
 def send(v, radios, packets, letters, arrivals, outbox, navigation, vehicles, stream, time, departure, rule):
     """One vehicle's packet to all the others: it leaves at ``departure`` [s] with what is known at ``time``."""
     radio, own = radios[v], navigation[v]
@@ -227,7 +227,7 @@ def send(v, radios, packets, letters, arrivals, outbox, navigation, vehicles, st
                 arrivals[v, place, w] = departure + distance / rule.sound_speed
 
 
-@compiled
+@inner
 def call_out(mail, packets, navigation, stream, rule):
     """Every vehicle that takes part tells all the others where it is; ``mail[w, v]`` is 1 where w has heard v, else 0."""
     for v in range(packets.shape[0]):
@@ -241,14 +241,14 @@ def call_out(mail, packets, navigation, stream, rule):
             mail[w, v] = w != v and navigation[v].active and navigation[w].active and chance >= rule.loss
 
 
-@compiled
+@inner
 def chance_of_loss(distance, rule):
     """Chance that a packet is lost on its way over a distance [m] within the largest range."""
     share = distance / rule.largest_range
     return rule.loss + (rule.loss_at_range - rule.loss) * share * share
 
 
-@compiled
+@inner
 def deliver(mail, arrivals, navigation, time):
     """``mail[w, v]`` is one more than the place of the packet of v that w has got by ``time``, 0 where it got none."""
     vehicles, flights = arrivals.shape[0], arrivals.shape[1]

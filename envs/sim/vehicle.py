@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.random import NAVIGATING, START, STEERING, normal_pair, uniform_pair
 from tagtrack.envs.validation import require, settle_numbers
@@ -72,7 +72,7 @@ VEHICLE = np.dtype(
 )  # fmt: skip
 
 
-@compiled
+@inner
 def launch(vehicle, navigation, x, y, stream, index, parameters):
     """Put a vehicle at rest at a place [m] of its world, on a random heading, with a fresh GPS fix."""
     error_x, error_y = normal_pair(stream, START, 16 * index)
@@ -103,7 +103,7 @@ def launch(vehicle, navigation, x, y, stream, index, parameters):
     navigation.active = True
 
 
-@compiled
+@inner
 def turn_back(navigation, course, speed, parameters):
     """Course and speed to hold: those asked for, or, where the vehicle believes to have left its arena, back to the origin."""
     if parameters.arena > 0.0 and math.hypot(navigation.x, navigation.y) > parameters.arena:
@@ -111,7 +111,7 @@ def turn_back(navigation, course, speed, parameters):
     return course, speed
 
 
-@compiled
+@inner
 def draw_power(vehicle, navigation, parameters, time_step):
     """Use up the battery; without any the vehicle's part ends."""
     if parameters.battery > 0.0:
@@ -121,7 +121,7 @@ def draw_power(vehicle, navigation, parameters, time_step):
         navigation.active = vehicle.energy > 0.0
 
 
-@compiled
+@inner
 def separation_of(vehicles, navigation, v):
     """Distance from a vehicle to the nearest other one that takes part [m]; infinite where there is none."""
     least = np.inf
@@ -171,7 +171,7 @@ def steer(vehicle, navigation, course, speed, stream, index, parameters, time_st
     navigate(vehicle, navigation, moved_x, moved_y, stream, index, parameters, time_step)
 
 
-@compiled
+@inner
 def navigate(vehicle, navigation, moved_x, moved_y, stream, index, parameters, time_step):
     """What the vehicle believes: a GPS fix when it is due, dead reckoning through the water (blind to the current) between."""
     noise_x, noise_y = normal_pair(stream, NAVIGATING, 2 * index)

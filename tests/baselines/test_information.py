@@ -31,7 +31,7 @@ def information_of(particles: list[tuple[float, float]], headings: list[float], 
     table = np.full(200, chance, np.float32)
     none = np.zeros(1, np.float32)
     poses = (zero, zero, np.cos(angle), np.sin(angle))
-    add_up_information(x, y, *poses, none, none, table, likelihood, entropy, False, information)
+    add_up_information(x, y, *poses, none, none, table, likelihood, entropy, False, np.empty_like(likelihood[0]), information)
     return information[0]
 
 
@@ -139,8 +139,8 @@ def presence_or_range(particles: list[tuple[float, float]], likelihood: np.ndarr
     x, y = np.array(particles, np.float32).T[:, None, :]
     entropy = -(likelihood * np.log(np.maximum(likelihood, 1e-30))).sum(axis=1)
     information, place, none = np.zeros((1, 1), np.float32), np.zeros((1, 1, 1), np.float32), np.zeros(1, np.float32)
-    chance = np.ones(1, np.float32)
-    add_up_information(x, y, place, place, place + 1, place, none, none, chance, likelihood, entropy, True, information)
+    chance, mixture = np.ones(1, np.float32), np.empty_like(likelihood[0])
+    add_up_information(x, y, place, place, place + 1, place, none, none, chance, likelihood, entropy, True, mixture, information)
     return float(information[0, 0])
 
 

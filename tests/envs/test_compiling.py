@@ -4,8 +4,10 @@ import ast
 import shutil
 from pathlib import Path
 
+import numba
 import pytest
 
+from tagtrack.envs.belief.hindsight import is_worth_telling
 from tagtrack.envs.kernels.compiling import PACKAGE, compiled_sources, source_stamp, stamp_sources
 
 NAME = "tagtrack.envs"
@@ -117,3 +119,10 @@ def test_constants_of_a_new_folder_are_in_the_stamp_once_a_kernel_imports_them(p
 def test_a_new_file_with_a_kernel_is_in_the_stamp(package, decorator):
     (package / "tides.py").write_text(f"@{decorator}\ndef rise(time):\n    return time\n")
     assert "tides.py" in compiled_sources(package)
+
+
+def test_a_part_of_kernels_refuses_calls_from_python_whether_compiled_or_not():
+    for _ in range(2):
+        with pytest.raises(TypeError, match="is_worth_telling is a part of compiled kernels.*@compiled"):
+            is_worth_telling(1, True)
+        is_worth_telling.compile((numba.int64, numba.boolean))
