@@ -30,7 +30,8 @@ FAST_MATHS = {"contract", "reassoc", "nsz", "arcp"}
 
 # What a kernel and an import within the package look like. To search the text takes a tenth of the time that parsing it would
 # take at each start; tests/envs/test_compiling.py holds both against Python's own parser.
-_KERNEL = re.compile(rb"^[ \t]*@(?:compiled|inner|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b", re.MULTILINE)
+_DECORATOR = rb"@(?:compiled|inner|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b"
+_KERNEL = re.compile(rb"^[ \t]*" + _DECORATOR, re.MULTILINE)
 _IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+tagtrack\.envs\b([\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
 
 
@@ -151,8 +152,8 @@ if SourceStampedCache not in CacheImpl._locator_classes:
     event.register("numba:compile", _Announcement())
 
 
-# References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own, which
-# numba then refuses to compile. Counting them, by two locked additions for each array of a tuple at each call of an inlined
+# References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own;
+# numba refuses to compile one that would. Counting them, by two locked additions for each array of a tuple at each call of an inlined
 # function, took half of all that a step costs beside its particles.
 #
 # Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a

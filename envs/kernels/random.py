@@ -16,8 +16,8 @@ from tagtrack.envs.kernels.maths import fast_log, sin_of_turns
 ROUNDS = 7
 
 # Purposes: the fourth counter word. Each owns the numbers drawn for it, so that adding a draw to one leaves the others alone.
-# A purpose that fills whole rows adds PURPOSES times the number of the row. They are of numpy's type, for numba compiles a function
-# anew for each whole number of Python's that it is given.
+# A purpose that fills whole rows adds PURPOSES times the number of the row. They are of numpy's type, for numba compiles a
+# function anew for each whole number of Python's that it is given.
 START, TRACK, FISH, WATER, HEARING, READING, NAVIGATING, SPREAD, PREDICT, RESAMPLE = np.arange(10)
 PING, LEG, STEERING, RENEWAL, REACH, RECOVERY = np.arange(10, 16)
 PURPOSES = np.int64(16)
