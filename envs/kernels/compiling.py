@@ -152,9 +152,9 @@ if SourceStampedCache not in CacheImpl._locator_classes:
     event.register("numba:compile", _Announcement())
 
 
-# References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own;
-# numba refuses to compile one that would. Counting them, by two locked additions for each array of a tuple at each call of an inlined
-# function, took half of all that a step costs beside its particles.
+# References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own, and
+# numba refuses to compile one that would. To count them, by two locked additions for each array of a tuple at each call of an
+# inlined function, took half of all that a step costs beside its particles.
 #
 # Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a
 # direct call or that of the step, and two optimizations of one loop may differ in the last bit.
