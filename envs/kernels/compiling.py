@@ -158,7 +158,7 @@ if SourceStampedCache not in CacheImpl._locator_classes:
 #
 # Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a
 # direct call or that of the step, and two optimizations of one loop may differ in the last bit.
-_OPTIONS = {
+_OPTIONS: dict[str, Any] = {
     "cache": True, "nogil": True, "fastmath": FAST_MATHS, "error_model": "numpy", "forceinline": True, "_nrt": False,
     "no_cfunc_wrapper": True,
 }  # fmt: skip
@@ -175,7 +175,7 @@ def inner(function: Callable[..., Any]) -> Any:
     Raises:
         TypeError: when Python calls it.
     """
-    part = numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function)
+    part: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function)
 
     def register(result: Any) -> None:  # for callers that are compiled; not in the table of calls from Python
         part.overloads[tuple(result.signature.args)] = result
