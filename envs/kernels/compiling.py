@@ -152,13 +152,15 @@ if SourceStampedCache not in CacheImpl._locator_classes:
     event.register("numba:compile", _Announcement())
 
 
+_njit: Any = numba.njit  # its types know only some of the options
+
 # References to arrays are not counted (``_nrt``): kernels work on arrays that their callers hold and make none of their own, and
 # numba refuses to compile one that would. To count them, by two locked additions for each array of a tuple at each call of an
 # inlined function, took half of all that a step costs beside its particles.
 #
 # Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a
 # direct call or that of the step, and two optimizations of one loop may differ in the last bit.
-_OPTIONS: dict[str, Any] = {
+_OPTIONS = {
     "cache": True, "nogil": True, "fastmath": FAST_MATHS, "error_model": "numpy", "forceinline": True, "_nrt": False,
     "no_cfunc_wrapper": True,
 }  # fmt: skip
@@ -166,7 +168,7 @@ _OPTIONS: dict[str, Any] = {
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows."""
-    return numba.njit(**_OPTIONS)(function)
+    return _njit(**_OPTIONS)(function)
 
 
 def inner(function: Callable[..., Any]) -> Any:
@@ -175,7 +177,7 @@ def inner(function: Callable[..., Any]) -> Any:
     Raises:
         TypeError: when Python calls it.
     """
-    part: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True)(function)
+    part = _njit(**_OPTIONS, no_cpython_wrapper=True)(function)
 
     def register(result: Any) -> None:  # for callers that are compiled; not in the table of calls from Python
         part.overloads[tuple(result.signature.args)] = result
