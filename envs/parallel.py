@@ -11,6 +11,7 @@ from gymnasium.spaces import Box
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils import parallel_to_aec
 
+import tagtrack
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.scenario import Formation
 from tagtrack.envs.simulation import Simulation
@@ -114,7 +115,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     ) -> None:
         task = _in_formation(build_task(env_id, **options), formation)
         self.metadata = {
-            "name": f"{task.env_id.rpartition('/')[2].lower().replace('-', '_')}",
+            "name": _NAMES.get(task.env_id, task.env_id).rpartition("/")[2],
             "render_modes": ["rgb_array", "human"],
             "render_fps": FRAMES_PER_SECOND,
             "is_parallelizable": True,
@@ -126,7 +127,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.possible_agents = [f"auv_{v}" for v in range(task.scenario.vehicles)]
         self._places = {agent: v for v, agent in enumerate(self.possible_agents)}
         self.agents: list[str] = []
-        self.max_cycles = episode_limit(task.scenario, max_cycles)
+        self.max_cycles = episode_limit(task.scenario, max_cycles, "max_cycles")
         self.observation_spaces = {agent: observation_space(task.scenario) for agent in self.possible_agents}
         self.action_spaces = {agent: action_space(task.scenario) for agent in self.possible_agents}
         own = self.observation_spaces[self.possible_agents[0]]
@@ -224,10 +225,13 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.simulation.close()
 
 
+_NAMES = {env_id: name for name, env_id in tagtrack._FLEETS.items()}  # in PettingZoo
+
+
 def _in_formation(task: Task, formation: str | None) -> Task:
     if formation is None:
         return task
-    if formation.upper() not in Formation.__members__:
+    if str(formation).upper() not in Formation.__members__:
         raise ValueError(f"formation must be one of {', '.join(Formation.__members__).lower()}, got {formation!r}")
     start = replace(task.scenario.start, formation=Formation[formation.upper()])
     return task._replace(scenario=replace(task.scenario, start=start))

@@ -77,6 +77,17 @@ class Picture:
         self._low = np.full(2, -NEAREST_VIEW)
         self._high = np.full(2, NEAREST_VIEW)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy, or a pickle, goes on with; it paints on a canvas and in a window of its own."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_pygame", "_legend", "_canvas")} | {
+            "_window": None,
+            "_clock": None,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(state["_simulation"], state["_world"])  # type: ignore[misc]
+        self.__dict__.update(state)
+
     def follow(self) -> None:
         """Note where everything is now; a world at step 0 begins a new picture."""
         simulation, world = self._simulation, self._world

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
+import tagtrack
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import find_stretches
 from tagtrack.envs.motions.tracks import Track, read_tracks
@@ -159,6 +160,7 @@ def full_id(env_id: str) -> str:
     module, colon, name = str(env_id).rpartition(":")
     if colon:
         _import(module)
+    name = tagtrack._FLEETS.get(name, name)  # what PettingZoo knows it by
     for known in (name, f"TagTrack/{name}"):
         if known in SCENARIOS:
             return known
@@ -254,16 +256,20 @@ def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str
     return overrides
 
 
-def episode_limit(scenario: Scenario, max_episode_steps: int | None) -> int:
-    """Steps after which an episode ends: the scenario's ``episode_steps``, unless a shell is told another number."""
-    if max_episode_steps is None:
+def episode_limit(scenario: Scenario, steps: int | None, name: str = "max_episode_steps") -> int:
+    """Steps after which an episode ends: the scenario's ``episode_steps``, unless a shell is told another number.
+
+    Args:
+        name: of the shell's argument, for errors.
+    """
+    if steps is None:
         return scenario.episode_steps
-    whole = isinstance(max_episode_steps, (int, np.integer)) and not isinstance(max_episode_steps, bool)
-    if not whole or max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps must be a whole number of at least 1, got {max_episode_steps!r}")
-    if isinstance(scenario.fish, Replay) and max_episode_steps > scenario.episode_steps:
+    whole = isinstance(steps, (int, np.integer)) and not isinstance(steps, bool)
+    if not whole or steps < 1:
+        raise ValueError(f"{name} must be a whole number of at least 1, got {steps!r}")
+    if isinstance(scenario.fish, Replay) and steps > scenario.episode_steps:
         raise ValueError(
-            f"max_episode_steps={max_episode_steps} is beyond the {scenario.episode_steps} steps for which recorded tracks were "
+            f"{name}={steps} is beyond the {scenario.episode_steps} steps for which recorded tracks were "
             'chosen; make it overrides={"episode_steps": ...} instead'
         )
-    return int(max_episode_steps)
+    return int(steps)

@@ -111,8 +111,9 @@ LIMITS = {
 }
 
 
-FLEET_HOLD = 12.0  # seconds between the decisions of a fleet: commitment is what makes sharing out tags learnable
-FLEET = PPOSettings(steps=2_000_000, rollout=16384, batch_size=4096, gamma=0.98, ahead=0.5)
+FLEET_HOLD = 12.0  # seconds between decisions where there are tags to share out: commitment is what makes it learnable
+FLEET = PPOSettings(steps=4_000_000, rollout=16384, batch_size=4096, gamma=0.98)
+FLEETS = {"TagTrack/AreaOnly-v0": replace(FLEET, steps=6_000_000, gamma=0.99, ahead=0.0)}
 
 
 def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Settings:
@@ -128,7 +129,9 @@ def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Sett
     if config.preset is not None:
         settings = SETTINGS.get((config.preset, config.algo), settings)
     if isinstance(settings, PPOSettings) and scenario is not None and scenario.vehicles * scenario.targets > 1:
-        settings = replace(FLEET, ahead=settings.ahead, hold=max(1, round(FLEET_HOLD / scenario.time_step)))
+        settings = FLEETS.get(full_id(config.env), FLEET)
+        if scenario.targets > 1:
+            settings = replace(settings, hold=max(1, round(FLEET_HOLD / scenario.time_step)))
     changes = _read_hyper(config, settings)
     for name in FLAGS:
         value = getattr(config, name)

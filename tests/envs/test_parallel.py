@@ -1,5 +1,7 @@
 """The PettingZoo environment: its own conformance tests on every id, and the single environment found in it again."""
 
+import copy
+import pickle
 import warnings
 from functools import partial
 from types import SimpleNamespace
@@ -17,6 +19,7 @@ import tagtrack
 from tagtrack.envs.layout import features, split_observation
 from tagtrack.envs.parallel import TagTrackParallelEnv, env, parallel_env
 from tagtrack.envs.scenario import SCENARIOS
+from tagtrack.envs.task import full_id
 
 IDS = list(tagtrack._FLEETS)
 FLEETS = [(3, 2), (1, 3), (2, 1)]
@@ -58,8 +61,9 @@ def test_passes_pettingzoos_own_tests(env_id: str, vehicles: int, tags: int, kin
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_episode_of_any_fleet_lasts_max_cycles_and_is_drawn(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = conform("tagtrack/leopard_shark_v0", kind, 3, 2)
+@pytest.mark.parametrize("env_id", IDS)
+def test_episode_of_any_fleet_lasts_max_cycles_and_is_drawn(env_id: str, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {"env_id": env_id, **conform(env_id, kind, 3, 2)}
     module = SimpleNamespace(parallel_env=partial(parallel_env, **options), env=partial(env, **options))
     max_cycles_test(module)
     pytest.importorskip("pygame")
@@ -269,3 +273,31 @@ def test_turn_by_turn_environment_is_pettingzoos_conversion() -> None:
     turns = env("LeopardShark-v0", vehicles=2, particles=10)
     turns.reset(seed=0)
     assert turns.agents == ["auv_0", "auv_1"] and turns.agent_selection == "auv_0"
+
+
+def test_names_are_those_of_pettingzoos_registry_which_every_way_in_takes() -> None:
+    for env_id, task in tagtrack._FLEETS.items():
+        assert full_id(env_id) == task
+        assert parallel_env(env_id, particles=10).metadata["name"] == env_id.partition("/")[2]
+
+
+def test_errors_name_the_argument_as_it_is_called_here() -> None:
+    with pytest.raises(ValueError, match="max_cycles must be a whole number of at least 1, got 0"):
+        parallel_env(max_cycles=0)
+    with pytest.raises(ValueError, match="formation must be one of ring, line, got 3"):
+        parallel_env(formation=3)  # type: ignore[arg-type]
+
+
+def test_a_copy_of_a_fleet_that_is_drawn_goes_on_alike_and_draws_the_same_picture() -> None:
+    pytest.importorskip("pygame")
+    fleet = parallel_env(vehicles=2, particles=20, render_mode="rgb_array")
+    fleet.reset(seed=3)
+    ahead = {agent: np.array([1.0, 0.2], np.float32) for agent in fleet.agents}
+    fleet.step(ahead)
+    for other in (copy.deepcopy(fleet), pickle.loads(pickle.dumps(fleet))):
+        np.testing.assert_array_equal(other.render(), fleet.render())
+        original = copy.deepcopy(fleet)
+        for each in (original, other):
+            each.step(ahead)
+        np.testing.assert_array_equal(other.state(), original.state())
+        np.testing.assert_array_equal(other.render(), original.render())
