@@ -24,6 +24,7 @@ from tagtrack.train.config import TrainConfig, flatten, to_json
 from tagtrack.train.learning import build_model, load_model
 from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
+from tagtrack.train.starting import start_from
 from tagtrack.train.training import Training, learn, make_logger
 from tagtrack.train.vec_env import TagTrackVecEnv
 
@@ -38,6 +39,8 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     training_seed = run_seed(SeedBlock.TRAINING, config.seed)
     if checkpoint is None:
         model = build_model(settings, env, config.seed, config.device)
+        if config.start is not None:
+            start_from(model, config.start, env.simulation, task.env_id)
     else:
         model = load_model(settings, checkpoint, env, config.device)
         training_seed += 2**31 + model.num_timesteps  # new episodes: those of the first part are spent

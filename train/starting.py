@@ -1,0 +1,52 @@
+"""A fleet's policy begins as that of another run, of a smaller fleet or easier water: a curriculum over sizes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.task import full_id
+from tagtrack.policies.entities import EntityPolicy, find_entities
+from tagtrack.policies.files import load_policy
+from tagtrack.train.entity_network import EntityActorCritic
+
+
+def start_from(model: BaseAlgorithm, folder: Path, simulation: Simulation, env_id: str) -> None:
+    """Give a fresh model the actor of a fleet's policy; its critic, which no policy file holds, reads entities as that does.
+
+    Raises:
+        FileNotFoundError: where there is no policy. ValueError: where it is none of a fleet, or of another task or width.
+    """
+    network: Any = model.policy
+    if not isinstance(network, EntityActorCritic):
+        raise ValueError(f"--start {folder}: only a fleet's policy can begin as another; drop it, or add --vehicles or --tags")
+    names = tuple(feature.name for feature in simulation.features)
+    policy = load_policy(folder, names, action_names=simulation.action_names, env_id=full_id(env_id))
+    if not isinstance(policy, EntityPolicy):
+        raise ValueError(f"--start {folder}: holds the policy of a single vehicle, not of a fleet")
+    if policy.width != network.width:
+        raise ValueError(f"--start {folder}: its layers are {policy.width} wide; add --hyper width={policy.width}")
+    layout = find_entities(names)
+    for kind, own, told in (
+        ("vehicles", policy.own_names, layout.own_names),
+        ("tags", policy.tag_names, layout.tag_names),
+        ("teammates", policy.mate_names, layout.mate_names),
+    ):
+        if own != told:
+            raise ValueError(f"--start {folder}: was trained with {kind} that are described otherwise; begin with another run")
+    for part in (network.mlp_extractor.actor, network.mlp_extractor.twin):
+        _copy_layers(policy, part)
+
+
+def _copy_layers(policy: EntityPolicy, part: Any) -> None:
+    with torch.no_grad():
+        for name, layer in part.layers.items():
+            plain = name.replace("_", ".")
+            weight = torch.as_tensor(policy.weights[f"{plain}.weight"].T.copy(), device=layer.weight.device)
+            if weight.shape == layer.weight.shape:  # without teammates theirs is a single unused input
+                layer.weight.copy_(weight)
+            layer.bias.copy_(torch.as_tensor(policy.weights[f"{plain}.bias"].copy(), device=layer.bias.device))
