@@ -7,11 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-# The head of a packet: sent when [s] and by whom, the sender's navigation then [m, rad, m/s], how many measurements follow.
-PACKET = np.dtype(
-    [(name, np.float64) for name in ("time", "x", "y", "heading", "speed")]
-    + [("sender", np.int64), ("count", np.int64)]
-)
+# The head of a packet: sent when [s], the sender's navigation then [m, rad, m/s], how many measurements follow.
+PACKET = np.dtype([(name, np.float64) for name in ("time", "x", "y", "heading", "speed")] + [("count", np.int64)])
 
 # What a vehicle knows of a teammate: whether anything, and where it was at `time` [s], as it believed itself.
 MATE = np.dtype([("known", np.bool_)] + [(name, np.float64) for name in ("time", "x", "y", "heading", "speed")])

@@ -301,5 +301,5 @@ def _require_layout(
     env = env_id or "this environment"
     raise ValueError(
         f"the policy in {folder} was trained on {description['env_id']!r}, where {noun} {first} is {had[first]}; "
-        f"{env} has {want[first]} there: use a policy trained on {env}"
+        f"{env} has {want[first]} there: use a policy trained on {env}, with the same vehicles, tags, modem and parameters"
     )

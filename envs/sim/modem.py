@@ -88,12 +88,14 @@ class TdmaModem(Modem):
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        for name in ("slot", "largest_range", "sound_speed", "memory"):
-            require(getattr(self, name) > 0, self, name, "positive")
-        for name, least in (("slots", 0), ("packet_bytes", 1), ("pose_bytes", 0), ("measurement_bytes", 1)):
+        for name, most in (("slot", 3600.0), ("largest_range", 1e5), ("sound_speed", 1e4), ("memory", 3600.0)):
+            require(0 < getattr(self, name) <= most, self, name, f"positive and at most {most:g}")
+        for name, least, most in (
+            ("slots", 0, 1000), ("packet_bytes", 1, 10_000), ("pose_bytes", 0, 10_000), ("measurement_bytes", 1, 10_000),
+        ):  # fmt: skip
             value = getattr(self, name)
             whole = isinstance(value, int) and not isinstance(value, bool)
-            require(whole and value >= least, self, name, f"a whole number of at least {least}")
+            require(whole and least <= value <= most, self, name, f"a whole number from {least} to {most}")
         for name in ("loss", "loss_at_range"):
             require(0 <= getattr(self, name) <= 1, self, name, "within 0 to 1")
         require(self.pose_sigma >= 0, self, "pose_sigma", "at least 0")
@@ -203,7 +205,6 @@ def send(v, radios, packets, letters, arrivals, outbox, navigation, vehicles, st
     error_x, error_y = normal_pair(stream, MODEM_POSE, v)
     packet = packets[v, place]
     packet.time = time
-    packet.sender = v
     packet.x = own.x + rule.pose_sigma * error_x
     packet.y = own.y + rule.pose_sigma * error_y
     packet.heading = own.heading
