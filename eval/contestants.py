@@ -75,7 +75,7 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
 
 def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> Contestant:
     if isinstance(spec, (str, os.PathLike)):
-        if isinstance(spec, str) and _is_baseline(spec):
+        if isinstance(spec, str) and is_baseline(spec):
             return lambda simulation: make_baseline(spec, simulation)
         if isinstance(spec, str) and is_static_array(spec):
             return read_static_array(spec)
@@ -114,14 +114,14 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
 
 def is_run(spec: str) -> bool:
     """Whether a spec names the folder of a saved policy: it is nothing else."""
-    return not (_is_baseline(spec) or is_static_array(spec) or _is_object(spec))
+    return not (is_baseline(spec) or is_static_array(spec) or _is_object(spec))
 
 
 def _is_object(spec: str) -> bool:
     """Whether a spec is ``MODULE:OBJECT``, of a user's own file: dotted names, and no folder of that name."""
     module, colon, name = spec.partition(":")
     dotted = bool(colon) and all(part.isidentifier() for part in (*module.split("."), name))
-    return dotted and not (_is_baseline(spec) or is_static_array(spec) or Path(spec).exists())
+    return dotted and not (is_baseline(spec) or is_static_array(spec) or Path(spec).exists())
 
 
 def _maker_of(found: Any, spec: str) -> Contestant:
@@ -151,7 +151,7 @@ def _maker_of(found: Any, spec: str) -> Contestant:
     return make
 
 
-def _is_baseline(spec: str) -> bool:
+def is_baseline(spec: str) -> bool:
     return spec.partition(":")[0] in BASELINES
 
 

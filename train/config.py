@@ -61,9 +61,9 @@ class TrainConfig:
     resume: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(none)")] = None
     """Folder of a run to go on with, from its last checkpoint; only --steps (more of them), --threads, --device and --trust go
     with it. It goes on in new episodes, so that the policy is not the one that an uninterrupted run would have found."""
-    start: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(none)")] = None
-    """Folder of a run whose policy a fleet's begins as, for instance that of a smaller fleet (a curriculum): any number of tags, and
-    of teammates if it had some. Its critic and its exploration begin anew."""
+    start: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="(none)")] = None
+    """What a fleet's policy begins as: a baseline, which it imitates first (uncertain, information:13), or the folder of a run,
+    for instance of a smaller fleet. At first only its critic learns."""
     trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Resume a run that was trained elsewhere: loading its checkpoint runs whatever code somebody put in."""
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None

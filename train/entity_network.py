@@ -123,6 +123,12 @@ class EntityActorCritic(ActorCriticPolicy):
         make_optimizer: Any = self.optimizer_class
         self.optimizer = make_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 
+    def freeze_actor(self, frozen: bool) -> None:
+        """Let only the critic learn, or both."""
+        actor: Any = self.mlp_extractor.actor
+        for parameter in (*actor.parameters(), self.log_std):
+            parameter.requires_grad_(not frozen)
+
     def _get_constructor_parameters(self) -> dict[str, Any]:
         data = super()._get_constructor_parameters()
         for name in ("net_arch", "ortho_init"):

@@ -24,11 +24,12 @@ from tagtrack.train.config import TrainConfig, flatten, to_json
 from tagtrack.train.learning import build_model, load_model
 from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
-from tagtrack.train.starting import start_from
+from tagtrack.train.starting import start_as
 from tagtrack.train.training import Training, learn, make_logger
 from tagtrack.train.vec_env import TagTrackVecEnv
 
 RIVALS = ("three_step", "pursuit")
+WATCHED = 4  # rollouts of a policy that began as another, in which only its critic learns
 TABLE_EPISODES, TABLE_SEED = 256, 1_000_000  # of the benchmarks' block
 
 
@@ -40,7 +41,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     if checkpoint is None:
         model = build_model(settings, env, config.seed, config.device)
         if config.start is not None:
-            start_from(model, config.start, env.simulation, task.env_id)
+            start_as(model, config.start, task, hold=env.hold, seed=config.seed)
     else:
         model = load_model(settings, checkpoint, env, config.device)
         training_seed += 2**31 + model.num_timesteps  # new episodes: those of the first part are spent
@@ -60,6 +61,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
         episodes=settings.validation_episodes,
         resumed=None if checkpoint is None else checkpoint.progress,
         hold=settings.hold if isinstance(settings, PPOSettings) else 1,
+        watched=WATCHED if config.start is not None and checkpoint is None else 0,
     )
     if isinstance(settings, PPOSettings):
         print(describe_updates(settings, model.num_timesteps), flush=True)

@@ -1,4 +1,4 @@
-"""A fleet's policy begins as that of another run, of a smaller fleet or easier water: a curriculum over sizes."""
+"""A fleet's policy begins as another: a baseline, or a run's policy, of a smaller fleet (a curriculum) or in easier water."""
 
 from __future__ import annotations
 
@@ -8,14 +8,24 @@ from typing import Any
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from tagtrack.envs.simulation import Simulation
-from tagtrack.envs.task import full_id
+from tagtrack.envs.layout import action_names, feature_names
+from tagtrack.envs.task import Task
+from tagtrack.eval.contestants import is_baseline
 from tagtrack.policies.entities import EntityPolicy, find_entities
 from tagtrack.policies.files import load_policy
+from tagtrack.train.cloning import clone_baseline
 from tagtrack.train.entity_network import EntityActorCritic
 
 
-def start_from(model: BaseAlgorithm, folder: Path, simulation: Simulation, env_id: str) -> None:
+def start_as(model: BaseAlgorithm, other: str, task: Task, *, hold: int, seed: int) -> None:
+    """Let a fresh model begin as a baseline, or as the policy of a run."""
+    if is_baseline(other):
+        clone_baseline(model, other, task, hold=hold, seed=seed)
+    else:
+        start_from(model, Path(other), task)
+
+
+def start_from(model: BaseAlgorithm, folder: Path, task: Task) -> None:
     """Give a fresh model the actor of a fleet's policy; its critic, which no policy file holds, reads entities as that does.
 
     Raises:
@@ -23,9 +33,9 @@ def start_from(model: BaseAlgorithm, folder: Path, simulation: Simulation, env_i
     """
     network: Any = model.policy
     if not isinstance(network, EntityActorCritic):
-        raise ValueError(f"--start {folder}: only a fleet's policy can begin as another; drop it, or add --vehicles or --tags")
-    names = tuple(feature.name for feature in simulation.features)
-    policy = load_policy(folder, names, action_names=simulation.action_names, env_id=full_id(env_id))
+        raise ValueError(f"--start {folder}: only fleets begin as another; drop it, or add --vehicles")
+    names = feature_names(task.scenario)
+    policy = load_policy(folder, names, action_names=action_names(task.scenario), env_id=task.env_id)
     if not isinstance(policy, EntityPolicy):
         raise ValueError(f"--start {folder}: holds the policy of a single vehicle, not of a fleet")
     if policy.width != network.width:

@@ -31,15 +31,16 @@ class Training(BaseCallback):
     Args:
         total: steps at which training ends. episodes: of each validation.
         resumed: what was done before, of a run that goes on. hold: environment steps that a decision is held for.
+        watched: rollouts at first in which the actor stays as it is, and only the critic learns.
     """
 
     def __init__(
         self, folder: RunFolder, task: Task, env_id: str, *, total: int, seed: int, episodes: int,
-        resumed: Progress | None, hold: int = 1,
+        resumed: Progress | None, hold: int = 1, watched: int = 0,
     ) -> None:  # fmt: skip
         super().__init__()
         self.folder, self.task, self.env_id = folder, task, env_id
-        self.total, self.episodes, self.hold = total, episodes, hold
+        self.total, self.episodes, self.hold, self.watched = total, episodes, hold, watched
         self.validation_seed = run_seed(SeedBlock.VALIDATION, seed)
         self.interval = max(1, total // 12)
         before = resumed or Progress()
@@ -66,6 +67,9 @@ class Training(BaseCallback):
         self.started = time.perf_counter() - self.seconds
 
     def _on_rollout_start(self) -> None:
+        if isinstance(self.model.policy, EntityActorCritic):
+            self.model.policy.freeze_actor(self.watched > 0)
+            self.watched -= 1
         if self.num_timesteps >= self.next_validation:
             self.validate()
             self.next_validation = self.num_timesteps + self.interval

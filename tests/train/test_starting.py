@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.train.conftest import SMALL
 
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.task import build_task
 from tagtrack.policies.files import load_policy
 from tagtrack.train.cli import main
+from tests.train.conftest import SMALL
 
 SHORT = [*SMALL, "--steps", "200", "--hyper", "rollout=64"]
 
@@ -41,7 +41,7 @@ def test_a_larger_fleet_begins_as_the_smaller_one_ended(train, small):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["width=8"], "only a fleet's policy can begin as another"),
+        (["width=8"], "only fleets begin as another"),
         (["width=16", "--vehicles", "2"], "its layers are 8 wide; add --hyper width=8"),
         (["width=8", "--vehicles", "2", "--env", "RangeOnly-v0"], "use a policy trained on this task"),
         (["width=8", "--tags", "2"], "was trained with tags that are described otherwise"),
