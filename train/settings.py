@@ -113,7 +113,8 @@ LIMITS = {
 
 FLEET_HOLD = 12.0  # seconds between decisions where there are tags to share out: commitment is what makes it learnable
 FLEET = PPOSettings(steps=4_000_000, rollout=16384, batch_size=4096, gamma=0.98)
-FLEETS = {"TagTrack/AreaOnly-v0": replace(FLEET, steps=6_000_000, gamma=0.99, ahead=0.0)}
+FLEETS = {"TagTrack/AreaOnly-v0": replace(FLEET, gamma=0.99, learning_rate=5e-4, ahead=0.0)}
+STEPS_OF_HELD = 1_500_000  # decisions that are held
 
 
 def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Settings:
@@ -131,7 +132,8 @@ def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Sett
     if isinstance(settings, PPOSettings) and scenario is not None and scenario.vehicles * scenario.targets > 1:
         settings = FLEETS.get(full_id(config.env), FLEET)
         if scenario.targets > 1:
-            settings = replace(settings, hold=max(1, round(FLEET_HOLD / scenario.time_step)))
+            hold = max(1, round(FLEET_HOLD / scenario.time_step))
+            settings = replace(settings, hold=hold, steps=STEPS_OF_HELD if hold > 1 else settings.steps)
     changes = _read_hyper(config, settings)
     for name in FLAGS:
         value = getattr(config, name)
