@@ -13,11 +13,12 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from tqdm import tqdm
 
-from tagtrack.baselines.registry import make_baseline
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
+from tagtrack.eval.contestants import find_makers
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.policies.entities import EntityPolicy
+from tagtrack.policies.protocol import Policy
 from tagtrack.train.entity_network import EntityActorCritic, export_entities
 
 ROUNDS = 5  # of an episode in each world
@@ -30,11 +31,12 @@ def clone_baseline(model: BaseAlgorithm, specification: str, task: Task, *, hold
     """Teach the actor of a fresh model what a baseline decides every ``hold`` steps.
 
     Returns:
-        The mean of 1 - cos of the angle between its course and the baseline's at the end, over the last round.
+        Half the mean squared distance between its actions and the baseline's at the end; for courses at an angle 1 - cos of it.
     """
     network: Any = model.policy
     if not isinstance(network, EntityActorCritic):
         raise ValueError(f"--start {specification}: only fleets begin as another; drop it, or add --vehicles")
+    make: Any = find_makers({specification: specification}, task, task.env_id)[specification]
     simulation = Simulation(task.scenario, WORLDS, tracks=task.tracks)
     first_seed = run_seed(SeedBlock.TRAINING, seed) + 2**30  # not those of training itself
     seen: list[tuple[torch.Tensor, torch.Tensor]] = []
@@ -44,7 +46,7 @@ def clone_baseline(model: BaseAlgorithm, specification: str, task: Task, *, hold
     loss = float("nan")
     for number in tqdm(range(ROUNDS), desc=f"imitating {specification}", unit=" rounds", disable=None):
         copy = export_entities(model, env_id=task.env_id, action_names=simulation.action_names, hold=hold) if number else None
-        seen.append(_watch(simulation, specification, copy, hold, first_seed + number * WORLDS))
+        seen.append(_watch(simulation, make(simulation), copy, hold, first_seed + number * WORLDS))
         loss = _learn(network, optimizer, seen, generator)
     simulation.close()
     both.twin.load_state_dict(both.actor.state_dict())
@@ -52,11 +54,10 @@ def clone_baseline(model: BaseAlgorithm, specification: str, task: Task, *, hold
 
 
 def _watch(
-    simulation: Simulation, specification: str, copy: EntityPolicy | None, hold: int, seed: int
+    simulation: Simulation, baseline: Policy, copy: EntityPolicy | None, hold: int, seed: int
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """An episode of each world: (M, D) observations at which a decision is due, and (M, A) what the baseline then does."""
     simulation.reset(seed)
-    baseline = make_baseline(specification, simulation)
     shape = (simulation.num_worlds, simulation.scenario.vehicles, -1)
     own = np.zeros((*shape[:2], 1), bool)
     own[::2] = copy is not None
