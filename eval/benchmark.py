@@ -37,7 +37,8 @@ class Benchmark:
 
     task: ManyParticles = field(default_factory=ManyParticles)
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
-    """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle) and folders of training runs.
+    """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle; uncertain and assignment, which
+    share out tags) and folders of training runs.
     my_module:MyController is a controller of your own (a class of heuristics, or what makes a policy for a simulation).
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)

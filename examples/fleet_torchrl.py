@@ -3,7 +3,10 @@
     pip install torchrl && python fleet_torchrl.py
 """
 
-from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+try:
+    from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+except ImportError as error:
+    raise SystemExit(f"this example needs TorchRL ({error}): pip install torchrl") from None
 
 from tagtrack.envs.parallel import parallel_env
 
