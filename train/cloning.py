@@ -19,7 +19,7 @@ from tagtrack.eval.contestants import find_makers
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.protocol import Policy
-from tagtrack.train.entity_network import EntityActorCritic, export_entities
+from tagtrack.train.entity_network import export_entities
 
 ROUNDS = 5  # of an episode in each world
 WORLDS = 48
@@ -34,8 +34,6 @@ def clone_baseline(model: BaseAlgorithm, specification: str, task: Task, *, hold
         Half the mean squared distance between its actions and the baseline's at the end; for courses at an angle 1 - cos of it.
     """
     network: Any = model.policy
-    if not isinstance(network, EntityActorCritic):
-        raise ValueError(f"--start {specification}: only fleets begin as another; drop it, or add --vehicles")
     make: Any = find_makers({specification: specification}, task, task.env_id)[specification]
     simulation = Simulation(task.scenario, WORLDS, tracks=task.tracks)
     first_seed = run_seed(SeedBlock.TRAINING, seed) + 2**30  # not those of training itself

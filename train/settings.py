@@ -113,7 +113,8 @@ LIMITS = {
 
 FLEET_HOLD = 12.0  # seconds between decisions where there are tags to share out: commitment is what makes it learnable
 FLEET = PPOSettings(steps=4_000_000, rollout=16384, batch_size=4096, gamma=0.98)
-FLEETS = {"TagTrack/AreaOnly-v0": replace(FLEET, gamma=0.99, learning_rate=5e-4, ahead=0.0)}
+AREA_FLEET = replace(FLEET, gamma=0.99, learning_rate=5e-4, ahead=0.0)
+FLEETS = {"TagTrack/AreaOnly-v0": AREA_FLEET, "TagTrack/AreaOnlyUnknownRange-v0": AREA_FLEET}
 STEPS_OF_HELD = 1_500_000  # decisions that are held
 
 

@@ -10,7 +10,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.task import Task
-from tagtrack.eval.contestants import is_baseline
+from tagtrack.eval.contestants import BASELINES, is_baseline
 from tagtrack.policies.entities import EntityPolicy, find_entities
 from tagtrack.policies.files import load_policy
 from tagtrack.train.cloning import clone_baseline
@@ -18,22 +18,24 @@ from tagtrack.train.entity_network import EntityActorCritic
 
 
 def start_as(model: BaseAlgorithm, other: str, task: Task, *, hold: int, seed: int) -> None:
-    """Let a fresh model begin as a baseline, or as the policy of a run."""
+    """Let a fresh model begin as a baseline, or as the policy of a run. Raises ValueError where it cannot."""
+    if not isinstance(model.policy, EntityActorCritic):
+        raise ValueError(f"--start {other}: only PPO of fleets begins as another; drop it, or add --vehicles")
     if is_baseline(other):
         clone_baseline(model, other, task, hold=hold, seed=seed)
-    else:
+    elif Path(other).is_dir():
         start_from(model, Path(other), task)
+    else:
+        raise ValueError(f"--start {other}: is neither a baseline ({', '.join(BASELINES)}) nor the folder of a run")
 
 
 def start_from(model: BaseAlgorithm, folder: Path, task: Task) -> None:
     """Give a fresh model the actor of a fleet's policy; its critic, which no policy file holds, reads entities as that does.
 
     Raises:
-        FileNotFoundError: where there is no policy. ValueError: where it is none of a fleet, or of another task or width.
+        FileNotFoundError: where there is no policy. ValueError: where it is of a single vehicle, another task or width.
     """
     network: Any = model.policy
-    if not isinstance(network, EntityActorCritic):
-        raise ValueError(f"--start {folder}: only fleets begin as another; drop it, or add --vehicles")
     names = feature_names(task.scenario)
     policy = load_policy(folder, names, action_names=action_names(task.scenario), env_id=task.env_id)
     if not isinstance(policy, EntityPolicy):

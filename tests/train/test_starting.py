@@ -67,7 +67,7 @@ def test_a_baseline_is_imitated(monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["width=8"], "only fleets begin as another"),
+        (["width=8"], "only PPO of fleets begins as another"),
         (["width=16", "--vehicles", "2"], "its layers are 8 wide; add --hyper width=8"),
         (["width=8", "--vehicles", "2", "--env", "RangeOnly-v0"], "use a policy trained on this task"),
         (["width=8", "--tags", "2"], "was trained with tags that are described otherwise"),
@@ -80,4 +80,4 @@ def test_policies_that_do_not_fit_are_refused(train, small, options, message):
 
 def test_nothing_to_begin_with_is_said(train):
     status, _, error = train("--vehicles", "2", *SHORT, "--start", "absent", "--out", "next")
-    assert status == 2 and "absent" in error
+    assert status == 2 and "--start absent: is neither a baseline (three_step" in error
