@@ -15,6 +15,7 @@ import numpy as np
 from tagtrack.baselines.division import Duty
 from tagtrack.baselines.heuristic import InformedHeuristic, Sighting, wrap_angles
 from tagtrack.baselines.information_loops import add_up_information
+from tagtrack.baselines.particle_sample import sample_particles
 from tagtrack.baselines.reading_tables import ReadingTables, tabulate_readings
 from tagtrack.baselines.sharing import choose_in_turn, rate_tags
 from tagtrack.envs.sim.vehicle import Vehicle
@@ -133,7 +134,7 @@ class Information(InformedHeuristic):
         """(R, K) expected information [nats] of pings heard at ``poses`` (R, K, P)."""
         particles = self.simulation.worlds.particles
         world, vehicle, owner = self._belief_of(rows)
-        chosen = self._stand_for_all(world, owner, tags)
+        chosen = sample_particles(self.simulation.worlds, world, owner, tags, self.sample)
         x, y = (particles[world[:, None], owner[:, None], tags[:, None], axis, chosen] for axis in (0, 1))
         ahead = (poses.x, poses.y, np.cos(poses.heading), np.sin(poses.heading))
         depth = self.simulation.listeners["depth"][world, vehicle, tags]
@@ -146,22 +147,6 @@ class Information(InformedHeuristic):
             np.empty(self._tables.likelihood.shape[1], np.float32), information,
         )  # fmt: skip
         return information.astype(np.float64)
-
-    def _stand_for_all(self, world: np.ndarray, owner: np.ndarray, tags: np.ndarray) -> np.ndarray:
-        """Indices (R or 1, S) of a stratified sample of the particles: children of a particle lie side by side."""
-        worlds = self.simulation.worlds
-        count = worlds.particles.shape[-1]
-        sample = min(self.sample, count)
-        if worlds.carried.shape[-1] > 0:
-            return draw_evenly(worlds.carried[world, owner, tags], sample)
-        return (np.arange(sample) * count // sample)[None, :]  # every n-th
-
-
-def draw_evenly(weights: np.ndarray, sample: int) -> np.ndarray:
-    """Indices (R, S) of a systematic sample by weights (R, N), without chance: the middles of S equal parts of their sum."""
-    bounds = np.cumsum(weights, axis=1, dtype=np.float64)
-    parts = (np.arange(sample) + 0.5) / sample
-    return np.stack([np.searchsorted(row, parts * row[-1], side="right") for row in bounds])
 
 
 def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, time_step: float, steps: int) -> Track:

@@ -12,6 +12,7 @@ from tagtrack.eval.array.command import Array
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.check_consistency import Consistency
 from tagtrack.eval.field.calibrate import Calibrate
+from tagtrack.eval.headroom import Headroom
 from tagtrack.eval.messages import Messages
 from tagtrack.eval.papers.command import Papers
 from tagtrack.eval.speed import Speed
@@ -22,6 +23,7 @@ Command = (
     Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
     | Annotated[Tune, tyro.conf.subcommand("tune")]
     | Annotated[Tradeoff, tyro.conf.subcommand("tradeoff")]
+    | Annotated[Headroom, tyro.conf.subcommand("headroom")]
     | Annotated[Messages, tyro.conf.subcommand("messages")]
     | Annotated[Consistency, tyro.conf.subcommand("consistency")]
     | Annotated[Speed, tyro.conf.subcommand("speed")]
@@ -30,8 +32,8 @@ Command = (
     | Annotated[Array, tyro.conf.subcommand("array")]
 )
 DESCRIPTION = (
-    "Compare policies on the same fish, tune baselines, weigh what talking is worth, check the belief, time the simulation, "
-    "calibrate tags, repeat the papers' experiments, locate tags by moored receivers."
+    "Compare policies on the same fish, tune baselines, estimate what is left to gain, weigh what talking is worth, check the "
+    "belief, time the simulation, calibrate tags, repeat the papers' experiments, locate tags by moored receivers."
 )
 
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import full_id
+from tagtrack.eval.contestants import is_baseline
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.eval.whole_number import read_whole_number
 from tagtrack.train.config import TrainConfig
@@ -111,7 +112,9 @@ LIMITS = {
 }
 
 
-FLEET_HOLD = 12.0  # seconds between decisions where there are tags to share out: commitment is what makes it learnable
+# Seconds between decisions where there are tags to share out and nothing is known of it at first: commitment is what makes it
+# learnable. A copy of a baseline has no need of it.
+FLEET_HOLD = 12.0
 FLEET = PPOSettings(steps=4_000_000, rollout=16384, batch_size=4096, gamma=0.98)
 AREA_FLEET = replace(FLEET, gamma=0.99, learning_rate=5e-4, ahead=0.0)
 FLEETS = {"TagTrack/AreaOnly-v0": AREA_FLEET, "TagTrack/AreaOnlyUnknownRange-v0": AREA_FLEET}
@@ -132,7 +135,9 @@ def find_settings(config: TrainConfig, scenario: Scenario | None = None) -> Sett
         settings = SETTINGS.get((config.preset, config.algo), settings)
     if isinstance(settings, PPOSettings) and scenario is not None and scenario.vehicles * scenario.targets > 1:
         settings = FLEETS.get(full_id(config.env), FLEET)
-        if scenario.targets > 1:
+        if config.start is not None:
+            settings = replace(settings, learning_rate=5e-4, log_std=-1.5)  # lest it forget what it began as
+        if scenario.targets > 1 and (config.start is None or not is_baseline(config.start)):
             hold = max(1, round(FLEET_HOLD / scenario.time_step))
             settings = replace(settings, hold=hold, steps=STEPS_OF_HELD if hold > 1 else settings.steps)
     changes = _read_hyper(config, settings)

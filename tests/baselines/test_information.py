@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from tagtrack.baselines.information import Information, draw_evenly, expect_track
+from tagtrack.baselines.information import Information, expect_track
 from tagtrack.baselines.information_loops import add_up_information
+from tagtrack.baselines.particle_sample import draw_evenly
 from tagtrack.baselines.reading_tables import tabulate_readings
 from tagtrack.envs.belief.assumptions import Belief
 from tagtrack.envs.scenario import SCENARIOS

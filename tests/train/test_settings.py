@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from tagtrack.envs.presets import PRESETS
+from tagtrack.envs.task import build_task
 from tagtrack.train.config import TrainConfig
 from tagtrack.train.learning import LinearDecay
 from tagtrack.train.settings import LIMITS, SETTINGS, PPOSettings, SACSettings, find_settings, fit_to_steps
@@ -79,3 +80,10 @@ def test_sac_begins_to_learn_after_a_tenth_of_its_steps():
 def test_the_learning_rate_falls_to_its_last_value_and_no_further():
     decay = LinearDecay(1.0, 0.1)
     assert [decay(remaining) for remaining in (1.0, 0.5, 0.0, -7.2)] == pytest.approx([1.0, 0.55, 0.1, 0.1])
+
+
+def test_a_copy_of_a_baseline_decides_at_every_step_and_learns_gently() -> None:
+    task = build_task("LeopardShark-v0", vehicles=2, tags=4)
+    found = {start: find_settings(TrainConfig(vehicles=2, tags=4, start=start), task.scenario) for start in (None, "information:13")}
+    assert found[None].hold == 6 and found["information:13"].hold == 1
+    assert found["information:13"].learning_rate < found[None].learning_rate
