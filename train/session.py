@@ -61,7 +61,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
         episodes=settings.validation_episodes,
         resumed=None if checkpoint is None else checkpoint.progress,
         hold=settings.hold if isinstance(settings, PPOSettings) else 1,
-        watched=WATCHED if config.start is not None and checkpoint is None else 0,
+        watched=rollouts_to_watch(config, settings, model.num_timesteps),
     )
     if isinstance(settings, PPOSettings):
         print(describe_updates(settings, model.num_timesteps), flush=True)
@@ -77,6 +77,13 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     print(f"trained {model.num_timesteps - done:,} steps{before} in {time.perf_counter() - started:.0f} s")
     finish(config, task, folder)
     return 0
+
+
+def rollouts_to_watch(config: TrainConfig, settings: Settings, done: int) -> int:
+    """How many more rollouts only the critic learns from, of a policy that began as another, ``done`` steps ago."""
+    if config.start is None or not isinstance(settings, PPOSettings):
+        return 0
+    return max(WATCHED - done // settings.rollout, 0)
 
 
 def make_env(config: TrainConfig, settings: Settings, task: Task) -> TagTrackVecEnv:

@@ -32,6 +32,7 @@ from tagtrack.envs.measurement import LISTENER, MEASUREMENT, NAVIGATION, Status
 from tagtrack.envs.tag import Tag
 from tagtrack.envs.workers import Workers
 
+LARGEST = 1e10  # of times [s], places [m] and readings: beyond, float64 loses what matters, and nobody means it
 SAME_TIME = 1e-9  # two times nearer than this are one [s]
 
 # What keys the draws of a row: seed, episode and step as in a world, and the row's place among the rows of one world. The place
@@ -103,6 +104,7 @@ class Step:
     time_step: float
     measurements: np.ndarray  # (R, V) MEASUREMENT
     before: tuple[np.ndarray, ...] | None = None  # copies of ``Rows``
+    divided: bool = False  # whether another part of the same step follows
 
 
 class ParticleFilter:
@@ -208,7 +210,7 @@ class ParticleFilter:
         if self._remember:
             step.before = tuple(array.copy() for array in self.rows)
         self._steps.append(step)
-        while len(self._steps) > max(self._remember, 1):
+        while sum(not each.divided for each in self._steps) > max(self._remember, 1):
             self._steps.popleft()
         self._workers.run(predict_rows, self._parameters, step.time_step, self.rows)
         self.time = step.time
@@ -255,15 +257,13 @@ class ParticleFilter:
         if record["status"] not in list(Status):
             raise ValueError(f"{_name(record)}: status must be one of {', '.join(Status.__members__)}, got {record['status']}")
         for name in ("time", "x", "y", "heading", "depth"):
-            if not np.isfinite(record[name]):
-                raise ValueError(f"{_name(record)}: {name} must be finite, got {record[name]}")
+            require_sensible(record[name], f"{_name(record)}: {name}")
         if not 0 <= record["vehicle"] < self.vehicles:
             raise ValueError(f"{_name(record)}: vehicles are numbered from 0 to {self.vehicles - 1}")
         if record["status"] == int(Status.HEARD):
             for place in self.belief.receiver.weighed:
-                if not np.isfinite(record["readings"][place]):
-                    name = self.belief.receiver.readings[place]
-                    raise ValueError(f"{_name(record)}: the reading {name!r} must be finite, got {record['readings'][place]}")
+                name = self.belief.receiver.readings[place]
+                require_sensible(record["readings"][place], f"{_name(record)}: the reading {name!r}")
         if record["time"] > self.time + SAME_TIME:
             raise ValueError(f"{_name(record)} is from the future: the belief is at {self.time:g} s; predict first")
         oldest = self._steps[0].time - self._steps[0].time_step if self._steps else self.time
@@ -364,10 +364,18 @@ class ParticleFilter:
         self._workers.close()
 
 
+def require_sensible(value: float, what: str) -> None:
+    """Raise ValueError for a number that nobody can have measured."""
+    if not np.isfinite(value):
+        raise ValueError(f"{what} must be finite, got {value}")
+    if abs(value) > LARGEST:
+        raise ValueError(f"{what} must be within +-{LARGEST:g}, got {value}")
+
+
 def _divide(step: Step, time: float) -> list[Step]:
     """The two parts of a step, the first of which ends at a time."""
-    first = Step(time, time - (step.time - step.time_step), np.zeros_like(step.measurements), step.before)
-    return [first, Step(step.time, step.time - time, step.measurements)]
+    first = Step(time, time - (step.time - step.time_step), np.zeros_like(step.measurements), step.before, divided=True)
+    return [first, Step(step.time, step.time - time, step.measurements, divided=step.divided)]
 
 
 def _name(record: Any) -> str:

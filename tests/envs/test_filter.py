@@ -344,6 +344,8 @@ BAD = {
     "heading": (lambda: heard(heading=math.nan), "heading must be finite"),
     "depth": (lambda: heard(depth=math.nan), "depth must be finite"),
     "reading": (lambda: heard(readings=[math.nan]), "the reading 'slant_range' must be finite, got nan"),
+    "huge time": (lambda: heard(time=-1e300), "time must be within"),
+    "huge reading": (lambda: heard(readings=[1e300]), "the reading 'slant_range' must be within"),
     "no reading": (lambda: heard(readings=[]), "the reading 'slant_range' must be finite, got nan"),
     "status": (lambda: with_field("status", 7), "status must be one of ABSENT, NOTHING, HEARD, MISSED, got 7"),
     "future": (lambda: heard(time=50.1), "at 50.1 s is from the future: the belief is at 50 s; predict first"),
@@ -490,3 +492,10 @@ def test_jitter_parts_the_children_of_one_particle_and_widens_the_cloud_as_said(
     (alike, before), (parted, after) = clouds
     assert alike < 12_000 and parted > 19_900
     np.testing.assert_allclose(np.diag(after) / np.diag(before), 1.0 + 20_000 ** (-1.0 / 3.0), rtol=0.02)
+
+
+def test_steps_are_remembered_however_often_they_are_divided() -> None:
+    """Two late measurements divide the last step of three: what came after 20 s can still be told."""
+    belief = at_sea()
+    belief.correct(np.concatenate([heard(time=44.0, vehicle=0), heard(time=47.0, vehicle=1)]))
+    belief.correct(heard(time=21.0, vehicle=2))

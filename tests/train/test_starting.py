@@ -18,7 +18,8 @@ from tagtrack.train.cli import main
 from tagtrack.train.cloning import clone_baseline
 from tagtrack.train.config import TrainConfig
 from tagtrack.train.learning import build_model
-from tagtrack.train.settings import find_settings
+from tagtrack.train.session import rollouts_to_watch
+from tagtrack.train.settings import PPOSettings, find_settings
 from tagtrack.train.vec_env import TagTrackVecEnv
 from tests.train.conftest import SMALL
 
@@ -81,3 +82,9 @@ def test_policies_that_do_not_fit_are_refused(train, small, options, message):
 def test_nothing_to_begin_with_is_said(train):
     status, _, error = train("--vehicles", "2", *SHORT, "--start", "absent", "--out", "next")
     assert status == 2 and "--start absent: is neither a baseline (three_step" in error
+
+
+def test_a_run_that_was_stopped_early_goes_on_watching():
+    config, settings = TrainConfig(vehicles=2, start="circle"), PPOSettings(rollout=64)
+    assert [rollouts_to_watch(config, settings, done) for done in (0, 64, 200, 256, 10_000)] == [4, 3, 1, 0, 0]
+    assert rollouts_to_watch(TrainConfig(vehicles=2), settings, 0) == 0
