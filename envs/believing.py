@@ -33,9 +33,15 @@ def begin_beliefs(b, p, worlds, scratch):
                 place_of(o, t), p.belief, scratch,
             )  # fmt: skip
             begin_listeners(worlds.listeners[b, o, t], 0.0, p.belief)
-        for v in range(worlds.outlooks.shape[1]):
+    look_first(b, worlds)
+
+
+@inner
+def look_first(b, worlds):
+    """Nothing was seen yet of any tag or teammate."""
+    for v in range(worlds.outlooks.shape[1]):
+        for t in range(worlds.outlooks.shape[2]):
             begin_outlook(worlds.outlooks[b, v, t])
-    for v in range(worlds.mates.shape[1]):
         for other in range(worlds.mates.shape[1]):
             worlds.mates[b, v, other].known = False
 

@@ -71,14 +71,18 @@ def printable_name(text: str, column: str) -> str:
 
 
 class CsvTable:
-    """An open csv file: the fields of its first line, and then its rows, once."""
+    """An open csv file: the fields of its first line, and then its rows, once. Lines ``# name: value`` before are ``remarks``."""
 
     def __init__(self, path: Path, lines: Iterator[str]) -> None:
         self.path = path
         self._reader = csv.reader(lines, strict=True)
         self.columns: tuple[str, ...] = ()  # none: an empty file
+        self.remarks: dict[str, str] = {}
         for fields in self._guarded():
-            if fields:
+            name, colon, value = ",".join(fields).partition(":")
+            if colon and name.startswith("#"):
+                self.remarks[name[1:].strip()] = value.strip()
+            elif fields:
                 self.columns = tuple(name.strip() for name in fields)
                 break
 

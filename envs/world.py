@@ -8,10 +8,12 @@ two steps, in ``exchange.py``.
 
 from __future__ import annotations
 
-from tagtrack.envs.believing import begin_beliefs, condense, meet_mates, note_told, observe_all, update_beliefs
+from tagtrack.envs.believing import begin_beliefs, condense, look_first, meet_mates, note_told, observe_all, update_beliefs
 from tagtrack.envs.kernels.compiling import compiled
+from tagtrack.envs.observation import choose_tag, decode_action
 from tagtrack.envs.referee import judge
 from tagtrack.envs.sensing import begin_truth, sense
+from tagtrack.envs.sim.vehicle import turn_back
 
 
 @compiled
@@ -58,3 +60,30 @@ def believe_worlds(first, last, parameters, worlds, outputs, scratch):
         update_beliefs(b, worlds.clock[b].step, p, worlds, scratch)
         meet_mates(b, p, worlds)
         observe_all(b, p, worlds, outputs)
+
+
+@compiled
+def observe_worlds(first, last, parameters, worlds, outputs, scratch):
+    """What vehicles see of beliefs that were brought up to date elsewhere (``tagtrack.live``)."""
+    for b in range(first, last):
+        p = parameters[0]
+        if worlds.clock[b].step == 0:
+            look_first(b, worlds)
+        condense(b, p, worlds)
+        observe_all(b, p, worlds, outputs)
+
+
+@compiled
+def order_worlds(first, last, parameters, actions, worlds, orders, scratch):
+    """Course [rad] and speed [m/s] that each vehicle would hold under its action: ``orders`` (B, V, 2)."""
+    for b in range(first, last):
+        p = parameters[0]
+        owners = worlds.beliefs.shape[1]
+        for v in range(worlds.navigation.shape[1]):
+            navigation, action = worlds.navigation[b, v], actions[b, v]
+            tag = choose_tag(action, worlds.beliefs.shape[2], p.speed_control, p.frame)
+            belief = worlds.beliefs[b, 0 if owners == 1 else v, tag]
+            course, speed = decode_action(action, navigation, belief, p.vehicle.max_speed, p.speed_control, p.frame)
+            course, speed = turn_back(navigation, course, speed, p.vehicle)
+            orders[b, v, 0] = course
+            orders[b, v, 1] = speed

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import tyro
 
+from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import Comparison, compare, typical_episodes
 from tagtrack.eval.contestants import find_makers, is_run, name_contestants
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
@@ -16,9 +19,10 @@ from tagtrack.eval.plots import Track, plot_errors, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import print_table, write_benchmark, write_json
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
-from tagtrack.eval.rollout import Contestant, SeedBlock, block_seed, trace
+from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
+from tagtrack.live.recording import Recorder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,6 +50,8 @@ class Benchmark:
     """First step of each episode that counts: 100 leaves out how the fish was found."""
     together: bool = False
     """One more row for all training runs taken together: a single seed is no result."""
+    record: WholeNumber = 0
+    """Episodes of each policy, the first ones, that are also written as logs of missions, for `python -m live replay`."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None
     """Folder to write; an earlier benchmark's is replaced."""
 
@@ -57,6 +63,8 @@ class Benchmark:
         runs = [name for name, spec in specs.items() if is_run(spec)] if self.together else []
         if self.together and len(runs) < 2:
             raise ValueError(f"--together takes at least two training runs among --policies, got {len(runs)}")
+        if self.record and task.scenario.vehicles > 1:
+            raise ValueError(f"--record writes missions of one vehicle, got vehicles={task.scenario.vehicles}; leave it out")
         makers = find_makers(specs, task, env_id)
         out = self.out or default_folder("benchmark", env_id)
         require_replaceable(out, OWN_FILES, "benchmark")
@@ -87,7 +95,36 @@ class Benchmark:
             write_json(folder / "config.json", asked)
             save_figure(folder / "errors.png", draw_errors(comparison))
             draw_tracks(folder, comparison, makers)
+        if self.record:
+            self.write_logs(out, makers, task)
         print(f"written: {out}")
+
+    def write_logs(self, out: Path, makers: Mapping[str, Contestant], task: Task) -> None:
+        """The first episodes of each policy, a folder each, in one that lies beside ``out``."""
+        asked = self.task.make_options()
+        for name, maker in makers.items():
+            if isinstance(maker, Localizer):
+                continue
+            for episode in range(self.record):
+                seed = block_seed(SeedBlock.BENCHMARK, self.trial.seed) + episode
+                folder = out.with_name(f"{out.name}-logs") / f"{name.replace(':', '-').replace('/', '-')}-{episode}"
+                record_episode(
+                    folder, task, maker, seed=seed, preset=asked["preset"], overrides=asked["overrides"] or {}
+                )
+
+
+def record_episode(folder: Path, task: Task, maker: PolicyMaker, *, seed: int, preset: str | None, overrides: Any) -> None:
+    """Write one episode of a policy as the log of a mission."""
+    simulation = Simulation(task.scenario, tracks=task.tracks)
+    policy, memory = maker(simulation), None
+    observation = simulation.reset(seed)
+    recorder = Recorder(simulation)
+    recorder.note()
+    for step in range(task.scenario.episode_steps):
+        action, memory = policy.predict(observation[:, 0], memory, np.array([step == 0]), deterministic=True)
+        simulation.step(action[:, None])
+        recorder.note()
+    recorder.write(folder, env_id=task.env_id, seed=seed, preset=preset, overrides=overrides)
 
 
 def draw_errors(comparison: Comparison) -> Figure:

@@ -24,7 +24,7 @@ else:
 REPOSITORY = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
 
-TOP_FOLDERS = ("envs", "policies", "baselines", "train", "eval")
+TOP_FOLDERS = ("envs", "policies", "baselines", "train", "eval", "live")
 
 # Folder -> what it may import of ours, beside itself. Anything below a listed name is included.
 MAY_IMPORT = {
@@ -32,7 +32,10 @@ MAY_IMPORT = {
     "tagtrack.envs": (),
     "tagtrack.policies": ("tagtrack.envs",),
     "tagtrack.baselines": ("tagtrack.envs", "tagtrack.policies.protocol"),
-    "tagtrack.eval": ("tagtrack.envs", "tagtrack.policies", "tagtrack.baselines"),
+    "tagtrack.live": ("tagtrack.envs", "tagtrack.policies", "tagtrack.baselines", "tagtrack.eval"),  # aboard nothing of eval
+    "tagtrack.eval": (
+        "tagtrack.envs", "tagtrack.policies", "tagtrack.baselines", "tagtrack.live.plane", "tagtrack.live.recording"
+    ),
     "tagtrack.train": ("tagtrack.envs", "tagtrack.policies", "tagtrack.eval"),
 }
 
@@ -65,7 +68,7 @@ BESIDE_THE_WALL = ("tagtrack.envs.layout",)
 ENVS_THIRD_PARTY = {"numpy", "numba", "gymnasium", "pettingzoo"}
 TYPES = {"typing_extensions"}  # may be imported for type checkers, which know it, and for them alone
 PAINTERS = {"tagtrack.envs.rendering", "tagtrack.envs.legend"}  # alone may import pygame, an extra, inside functions
-DISTRIBUTIONS = {"stable_baselines3": "stable-baselines3", "pygame": "pygame-ce"}
+DISTRIBUTIONS = {"stable_baselines3": "stable-baselines3", "pygame": "pygame-ce", "serial": "pyserial"}
 
 
 @dataclass(frozen=True)
@@ -241,7 +244,7 @@ def test_every_import_is_a_declared_dependency_and_optional_ones_wait_in_functio
 
     extras = PROJECT["project"]["optional-dependencies"]
     required = names(PROJECT["project"]["dependencies"])
-    optional = names(extras["render"] + extras["tensorboard"] + extras["geo"])
+    optional = names(extras["render"] + extras["tensorboard"] + extras["geo"] + extras["live"])
 
     def is_declared(found: Import) -> bool:
         if found.top in TYPES:

@@ -126,6 +126,7 @@ class ParticleFilter:
         tags: (R,) the tag that each row is about; 0 for all if None.
         remember: steps that can be gone back to for a measurement that comes late; each keeps a copy of all particles.
         threads: the rows are split among so many; results do not depend on it.
+        state: arrays to keep the state in, for instance views of a larger one's; its own if None.
     Raises:
         ValueError: for a number out of range.
     """
@@ -140,6 +141,7 @@ class ParticleFilter:
         tags: ArrayLike | None = None,
         remember: int = 0,
         threads: int = 1,
+        state: Rows | None = None,
     ) -> None:
         least_of = {"rows": (rows, 1), "vehicles": (vehicles, 1), "remember": (remember, 0), "threads": (threads, 1)}
         for name, (value, least) in least_of.items():
@@ -150,7 +152,7 @@ class ParticleFilter:
         if self.tags.shape != (rows,):
             raise ValueError(f"tags must name one tag for each of {rows} rows, got shape {self.tags.shape}")
         self.vehicles = vehicles
-        self.rows = Rows(
+        self.rows = state or Rows(
             key=np.zeros(rows, KEY),
             particles=np.zeros((rows, belief.rows, belief.particles), np.float32),
             carried=np.ones((rows, belief.carried), np.float32),
@@ -221,7 +223,8 @@ class ParticleFilter:
 
         Args:
             measurements: (M,) of ``MEASUREMENT``, each for the rows about its tag; or (R, M), a row's own. Records of status
-                ABSENT are passed over. One whose time lies between two predictions divides that step in two.
+                ABSENT are passed over. One whose time lies between two predictions divides that step in two. A ping goes before
+                what said that nothing was heard at that time.
         Raises:
             ValueError: for a time, pose, depth or reading that is not finite, an unknown tag, vehicle or status, a time to come
                 or no longer remembered, or a second measurement of one vehicle at one time; the belief is left as it was.
@@ -275,7 +278,7 @@ class ParticleFilter:
         """Enter measurements into the step that they belong to."""
         taken = set()
         for _, row, record in told:
-            there = step.measurements["status"][row, record["vehicle"]] != int(Status.ABSENT)
+            there = step.measurements["status"][row, record["vehicle"]] not in (int(Status.ABSENT), int(Status.NOTHING))
             if there or (row, int(record["vehicle"])) in taken:
                 raise ValueError(f"{_name(record)}: this vehicle has told another one of that time; predict to the time of each")
             taken.add((row, int(record["vehicle"])))

@@ -131,6 +131,7 @@ def observe(out, listener, dx, dy, estimated, estimated_spread, length, spread, 
     out[1] = 0.0
     if not math.isnan(listener.readings[UNITS]):
         out[0] = listener.readings[UNITS] / 9.0
+    if not math.isnan(listener.readings[STRENGTH]):  # which some receivers do not tell
         out[1] = min(max(listener.readings[STRENGTH] / 50.0, -2.0), 4.0)
 
 

@@ -95,6 +95,7 @@ def observe(out, listener, dx, dy, estimated, estimated_spread, length, spread, 
     out[1] = 0.0
     if not math.isnan(listener.readings[UNITS]):
         out[0] = listener.readings[UNITS] / 9.0
+    if not math.isnan(listener.readings[SLANT_RANGE]):
         out[1] = min(max(listener.readings[SLANT_RANGE] / length, -1.0), 10.0)
 
 

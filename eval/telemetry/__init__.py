@@ -10,8 +10,8 @@ from tagtrack.eval.telemetry.places import (
     read_reference,
     read_sync_tags,
 )
-from tagtrack.eval.telemetry.plane import Plane
 from tagtrack.eval.telemetry.tracks import Tracks, read_tracks, write_movebank, write_tracks
+from tagtrack.live.plane import Plane
 
 __all__ = [
     "Plane",

@@ -18,7 +18,7 @@ from tagtrack.baselines.static_array.detections import Floats, shorten
 from tagtrack.baselines.static_array.travel import SyncTag
 from tagtrack.envs.csv_table import CsvTable, Row, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
-from tagtrack.eval.telemetry.plane import Plane, check_geodetic, degree_columns, position_columns
+from tagtrack.live.plane import Plane, check_geodetic, degree_columns, position_columns
 
 Pair = tuple[str, str]
 METRES = ("x", "y")

@@ -13,7 +13,7 @@ from tagtrack.baselines.static_array.detections import Floats
 from tagtrack.envs.csv_table import open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.telemetry.detections import replace_csv
-from tagtrack.eval.telemetry.plane import Plane, position_columns
+from tagtrack.live.plane import Plane, position_columns
 
 MOVEBANK_COLUMNS = (
     "timestamp",

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tagtrack.baselines.static_array.detections import Floats
+Floats = NDArray[np.float64]
 
 REACH = 100e3  # m from the origin: there distances away from it come out short by 1.2e-4, 1 - cos(100 km / 6371 km)
 GEODETIC_COLUMNS = (("lon", "lat"), ("longitude", "latitude"))
