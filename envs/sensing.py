@@ -64,11 +64,29 @@ def place_fish(target, fish, stream, t, p, tracks, scratch):
 @inner
 def sense(b, p, tracks, actions, worlds, scratch):
     """Steer, swim, hear: the first part of a step."""
+    worlds.clock[b].step += 1
+    steer_vehicles(b, p, actions, worlds, stream_of(worlds.clock[b]))
+    live_on(b, p, tracks, worlds, scratch)
+
+
+@inner
+def sail(b, p, tracks, orders, worlds, scratch):
+    """As ``sense``, for vehicles that are told course [rad] and speed [m/s] themselves, (V, 2) ``orders``."""
+    worlds.clock[b].step += 1
+    stream = stream_of(worlds.clock[b])
+    for v in range(worlds.vehicles.shape[1]):
+        vehicle, navigation = worlds.vehicles[b, v], worlds.navigation[b, v]
+        hold_course(vehicle, navigation, orders[v, 0], orders[v, 1], stream, v, p.vehicle, p.time_step)
+        draw_power(vehicle, navigation, p.vehicle, p.time_step)
+    live_on(b, p, tracks, worlds, scratch)
+
+
+@inner
+def live_on(b, p, tracks, worlds, scratch):
+    """Fish swim, tags ping, hydrophones and modems hear, once the vehicles have moved."""
     clock = worlds.clock[b]
-    clock.step += 1
     stream = stream_of(clock)
     before = (clock.step - 1) * p.time_step
-    steer_vehicles(b, p, actions, worlds, stream)
     for t in range(worlds.fish.shape[1]):
         target = worlds.targets[b, t]
         swim_fish(target, worlds.fish[b, t], stream, t, p, tracks, clock.step, scratch)

@@ -12,7 +12,7 @@ from tagtrack.envs.believing import begin_beliefs, condense, look_first, meet_ma
 from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.observation import choose_tag, decode_action
 from tagtrack.envs.referee import judge
-from tagtrack.envs.sensing import begin_truth, sense
+from tagtrack.envs.sensing import begin_truth, sail, sense
 from tagtrack.envs.sim.vehicle import turn_back
 
 
@@ -49,6 +49,14 @@ def sense_worlds(first, last, parameters, tracks, actions, worlds, outputs, scra
     for b in range(first, last):
         p = parameters[0]
         sense(b, p, tracks, actions, worlds, scratch)
+
+
+@compiled
+def sail_worlds(first, last, parameters, tracks, orders, worlds, outputs, scratch):
+    """A step of the truth alone, under courses and speeds ``orders`` (B, V, 2) that somebody else has given."""
+    for b in range(first, last):
+        p = parameters[0]
+        sail(b, p, tracks, orders[b], worlds, scratch)
 
 
 @compiled

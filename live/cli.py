@@ -33,6 +33,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m live", description=DESCRIPTION, allow_abbrev=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_replay(commands)
+    _add_steer(commands)
+    _add_simulate(commands)
+    _add_rehearse(commands)
     return parser
 
 
@@ -78,3 +81,84 @@ example: python -m live replay --log nav.csv pings.csv --env RangeOnly-v0 --out 
     parser.add_argument("--compare", metavar="NAME", nargs="+", help="filters to set side by side: standard brownian levy ...")
     parser.add_argument("--seeds", metavar="N", type=int, default=5, help="repetitions of each in --compare (5)")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder to write; an earlier replay's is replaced")
+
+
+def _add_steer(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "steer",
+        help="a policy aboard, between a receiver and a vehicle",
+        description="Steer a vehicle by what its receiver hears. Each line goes to a journal before anything follows from it.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="""receivers  tbr (Thelma), vr2c, rxlive (Innovasea), json
+vehicles   iver, goby, json
+sources    - (standard input), a file that grows, udp:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD
+
+example: python -m live steer --env AreaOnly-v0 --policy circle:200 --tags 1285 \\
+             --receiver tbr:serial:/dev/ttyUSB0:115200 --vehicle goby:tcp:localhost:54000 --log mission1""",
+    )
+    parser.set_defaults(module="steer")
+    add_task(parser, required=False)
+    parser.add_argument("--policy", metavar="POLICY", help="baseline (three_step, circle:40 ...) or folder of a training run")
+    parser.add_argument("--receiver", metavar="KIND:SOURCE", help="who hears, and where its lines come from")
+    parser.add_argument("--vehicle", metavar="KIND:SOURCE", help="who is steered, and where its lines come from and go to")
+    parser.add_argument("--log", metavar="DIR", help="folder of the journal")
+    parser.add_argument("--resume", metavar="DIR", help="go on with a mission that was stopped or killed")
+    parser.add_argument("--box", metavar="'X,Y X,Y X,Y'", help="corners of the box that the vehicle stays in (none)")
+    parser.add_argument("--safe", choices=("hold", "stop", "home"), default="hold", help="where navigation is too old (hold)")
+    parser.add_argument("--home", metavar=("X", "Y"), nargs=2, type=float, help="where home is (the first fix)")
+    parser.add_argument("--depth", metavar="M", type=float, default=0.0, help="that the vehicle is told [m] (0)")
+    parser.add_argument("--stale", metavar="S", type=float, default=15.0, help="how old navigation may be [s] (15)")
+    parser.add_argument("--late", metavar="S", type=float, default=60.0, help="by how much readings may come late [s] (60)")
+    parser.add_argument("--stamp", choices=("receiver", "host"), default="receiver", help="whose clock times pings (receiver)")
+    parser.add_argument("--feet", action="store_true", help="depths in feet, for Remote Helm below 5")
+    parser.add_argument("--degrees", action="store_true", help="a json vehicle tells lon,lat")
+    parser.add_argument("--no-checksum", dest="checksum", action="store_false", help="Innovasea's lines as they come")
+    parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="of the clock, in a simulation; 0: lockstep (1)")
+    parser.add_argument("--duration", metavar="S", type=float, help="stop after so long [s] (never)")
+    parser.add_argument("--json", action="store_true", help="status as JSON, for programs")
+    parser.add_argument("--picture", metavar="FILE", help="a chart, drawn anew every minute")
+
+
+def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "simulate",
+        help="a simulated fish, receiver and vehicle that speak as real ones do",
+        description="Play an episode of the environment over loopback: the receiver at port P, the vehicle at P + 1.",
+    )
+    parser.set_defaults(module="simulate")
+    parser.add_argument("--env", metavar="ID", required=True, help="environment")
+    parser.add_argument("--set", metavar="NAME=VALUE", nargs="+", action="append", default=[], help="parameters of the scenario")
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the episode (0)")
+    parser.add_argument("--receiver", choices=("tbr", "vr2c", "rxlive", "json"), default="json", help="(json)")
+    parser.add_argument("--vehicle", choices=("iver", "goby", "json"), default="json", help="(json)")
+    parser.add_argument("--headings", choices=("nautical", "mathematical"), default="nautical", help="of json (nautical)")
+    parser.add_argument("--port", metavar="P", type=int, default=54000, help="of the receiver; the vehicle's is the next (54000)")
+    parser.add_argument("--pty", action="store_true", help="the vehicle on a pseudo-terminal instead")
+    parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="of time; 0: each step waits for an order (1)")
+    parser.add_argument("--latency", metavar="S", type=float, default=0.0, help="of every line, +- half, as simulated [s] (0)")
+    parser.add_argument("--loss", metavar="SHARE", type=float, default=0.0, help="of lines that get lost (0)")
+    parser.add_argument("--steps", metavar="N", type=int, help="(the environment's own)")
+    parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="for the other end [s] (60)")
+    parser.add_argument("--report", metavar="FILE", help="JSON of where fish and vehicle truly were")
+
+
+def _add_rehearse(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "rehearse",
+        help="both ends together: whole missions over loopback, beside the environment's own",
+        description="Play missions over loopback and set their errors beside those of the environment's own episodes.",
+    )
+    parser.set_defaults(module="rehearse")
+    parser.add_argument("--env", metavar="ID", required=True, help="environment")
+    parser.add_argument("--policy", metavar="POLICY", default="circle", help="baseline or folder of a training run (circle)")
+    parser.add_argument("--set", metavar="NAME=VALUE", nargs="+", action="append", default=[], help="parameters of the scenario")
+    parser.add_argument("--particles", metavar="N", type=int, help="of each belief (the environment's own)")
+    parser.add_argument("--receiver", choices=("tbr", "vr2c", "rxlive", "json"), default="json", help="(json)")
+    parser.add_argument("--vehicle", choices=("iver", "goby", "json"), default="json", help="(json)")
+    parser.add_argument("--pty", action="store_true", help="the vehicle on a pseudo-terminal")
+    parser.add_argument("--episodes", metavar="N", type=int, default=10, help="(10)")
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the first episode (0)")
+    parser.add_argument("--speed", metavar="X", type=float, default=0.0, help="of time; 0: lockstep (0)")
+    parser.add_argument("--latency", metavar="S", type=float, default=0.0, help="of every line, +- half, as simulated [s] (0)")
+    parser.add_argument("--loss", metavar="SHARE", type=float, default=0.0, help="of lines that get lost (0)")
+    parser.add_argument("--port", metavar="P", type=int, default=55000, help="the first of those that are used (55000)")

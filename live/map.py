@@ -58,8 +58,9 @@ def plot_mission(path: Path, mission: Mission, replayed: Replayed, reference: Re
     whole = np.concatenate(shown)
     low, high = np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)
     reach = 0.55 * float(((high - low) / scale).max()) + 1e-3  # [m]
-    for set_limits, middle, unit in zip((axes.set_xlim, axes.set_ylim), 0.5 * (low + high), scale, strict=True):
-        set_limits(middle - reach * unit, middle + reach * unit)
+    x, y = 0.5 * (low + high)
+    axes.set_xlim(x - reach * scale[0], x + reach * scale[0])
+    axes.set_ylim(y - reach * scale[1], y + reach * scale[1])
     axes.set_aspect(scale[0] / scale[1])
     axes.set_xlabel("longitude [degrees]" if degrees else "x, east [m]")
     axes.set_ylabel("latitude [degrees]" if degrees else "y, north [m]")

@@ -268,6 +268,10 @@ class Tracker:
     def estimates(self, t: float) -> list[Estimate]:
         """Where each tag is believed to be at a time, in the order of ``tags``. Raises as ``advance`` does."""
         self.advance(t)
+        return self.last_estimates()
+
+    def last_estimates(self) -> list[Estimate]:
+        """As ``estimates``, of the last step."""
         now = self._start + self._step * self.time_step
         return [self._estimate(place, now) for place in range(len(self.tags))]
 
@@ -283,6 +287,11 @@ class Tracker:
         until = self._since_start(t)
         while (self._step + 1) * self.time_step <= until + SAME_TIME:
             self._advance()
+
+    @property
+    def pose(self) -> Pose:
+        """What the vehicle said of itself last [m, rad, m/s]; its time counts from the first navigation."""
+        return self._poses[-1]
 
     @property
     def observation(self) -> np.ndarray:

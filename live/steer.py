@@ -1,0 +1,334 @@
+"""`python -m live steer`: a policy aboard, between a receiver and a vehicle."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.task import build_task, parse_overrides
+from tagtrack.live.conventions import Conventions
+from tagtrack.live.helm import Helm, Orders, describe_counts, parse_corners
+from tagtrack.live.journal import JOURNAL_FILE, Journal, mend, read_events
+from tagtrack.live.receivers import RECEIVERS, JsonReceiver, Receiver, RxLive, Tbr, Vr2c
+from tagtrack.live.sources import Source, open_source, wait_for
+from tagtrack.live.vehicles import VEHICLES, Iver, JsonVehicle, Order, VehicleLink
+
+TICK = 0.25  # how often nothing but time is looked at [s]
+TELL = 1.0  # between two lines of status, questions and safe actions [s]
+DRAW = 60.0  # between two pictures [s]
+DAY = 86400.0
+FORMAT = 1  # of the journal
+ASKED = (
+    "env", "filter", "particles", "set", "tags", "seed", "policy", "headings", "origin", "box", "safe", "home", "depth", "late",
+    "stale", "stamp", "speed", "receiver", "vehicle", "feet", "checksum", "degrees",
+)  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> None:
+    """The command."""
+    folder = Path(options.resume or options.log)
+    if options.resume:
+        asked = read_header(folder)
+        for name in ("receiver", "vehicle"):  # ports may have changed, what the mission is about may not
+            asked[name] = getattr(options, name) or asked[name]
+    else:
+        require_asked(options)
+        asked = {name: getattr(options, name) for name in ASKED}
+    helm, receiver_source, vehicle_source = prepare(asked)
+    warm_up(asked)
+    if options.resume:
+        mend(folder / JOURNAL_FILE)
+        count = replay_journal(folder / JOURNAL_FILE, helm)
+        print(f"resumed after {count} lines", file=sys.stderr)
+    else:
+        folder.mkdir(parents=True, exist_ok=True)
+    journal = Journal(folder / JOURNAL_FILE, fresh=not options.resume)
+    if not options.resume:
+        journal.note({"mission": asked, "format": FORMAT})
+    receiver = open_source(receiver_source)
+    vehicle = open_source(vehicle_source, greeting=helm.vehicle.greeting)
+    loop = Loop(helm, journal, receiver, vehicle, clock=make_clock(asked["speed"]), json_lines=options.json)
+    loop.picture = Path(options.picture) if options.picture else None
+    try:
+        loop.run(options.duration)
+    finally:
+        journal.close()
+        receiver.close()
+        vehicle.close()
+    counts = describe_counts(helm.counts + (helm.tracker.counts if helm.tracker else helm.counts.__class__()))
+    print(f"{helm.fixes} fixes, {helm.heard_lines} lines of the receiver; dropped: {counts}", file=sys.stderr)
+    print(f"go on: python -m live steer --resume {folder}", file=sys.stderr)
+
+
+def require_asked(options: argparse.Namespace) -> None:
+    """Raise ValueError for what a new mission cannot do without."""
+    for name in ("env", "policy", "receiver", "vehicle", "tags", "log"):
+        if getattr(options, name) is None:
+            raise ValueError(f"a new mission needs --{name}; one that was begun goes on with --resume DIR")
+    path = Path(options.log) / JOURNAL_FILE
+    if path.exists():
+        raise ValueError(f"{path} is there already; go on with it (--resume {options.log}), or choose another folder")
+
+
+def prepare(asked: dict[str, Any]) -> tuple[Helm, str, str]:
+    """The helm of a mission, and the sources of its receiver and vehicle. Raises ValueError for whatever does not fit."""
+    kind, receiver_source = _divide(asked["receiver"], RECEIVERS, "--receiver")
+    other, vehicle_source = _divide(asked["vehicle"], VEHICLES, "--vehicle")
+    if receiver_source == vehicle_source:
+        raise ValueError(f"receiver and vehicle cannot both be {receiver_source}; give each a source of its own")
+    receiver = make_receiver(kind, check=asked["checksum"])
+    vehicle = make_vehicle(other, feet=asked["feet"], degrees=asked["degrees"])
+    orders = make_orders(asked, in_degrees=vehicle.in_degrees or asked["degrees"], mathematical_allowed=other == "json")
+    return Helm(orders, receiver, vehicle), receiver_source, vehicle_source
+
+
+def make_receiver(kind: str, *, check: bool = True) -> Receiver:
+    if kind == "tbr":
+        return Tbr()
+    return JsonReceiver() if kind == "json" else {"vr2c": Vr2c, "rxlive": RxLive}[kind](check=check)
+
+
+def make_vehicle(kind: str, *, feet: bool = False, degrees: bool = False) -> VehicleLink:
+    if kind == "iver":
+        return Iver(feet=feet)
+    if kind == "json":
+        vehicle = JsonVehicle(degrees=degrees)
+        vehicle.in_degrees = degrees  # type: ignore[misc]
+        return vehicle
+    return VEHICLES[kind]()
+
+
+def make_orders(asked: dict[str, Any], *, in_degrees: bool, mathematical_allowed: bool) -> Orders:
+    """What a mission is about, checked as far as it can be before it begins."""
+    overrides = parse_overrides([text for group in asked["set"] for text in group], None)
+    if asked["filter"] is not None:
+        overrides["belief"] = asked["filter"]
+    task = build_task(asked["env"], overrides=overrides, particles=asked["particles"])
+    task = task._replace(scenario=with_overrides(task.scenario, {"targets": len(asked["tags"])}))
+    headings = asked["headings"] or "nautical"
+    if headings != "nautical" and not mathematical_allowed:
+        raise ValueError("only json vehicles may tell mathematical headings; leave --headings out")
+    if asked["origin"] and not in_degrees:
+        raise ValueError("--origin is for vehicles that tell longitude and latitude; this one tells metres")
+    origin = tuple(asked["origin"]) if asked["origin"] else None
+    return Orders(
+        task=task,
+        tags=tuple(asked["tags"]),
+        policy=asked["policy"],
+        conventions=Conventions(headings=headings, origin=origin),
+        box=parse_corners(asked["box"] or ""),
+        safe=asked["safe"],
+        home=tuple(asked["home"]) if asked["home"] else None,
+        depth=asked["depth"],
+        late=asked["late"],
+        stale=asked["stale"],
+        seed=asked["seed"] or 0,
+        step=task.scenario.time_step if asked["speed"] == 0 else 0.0,
+        stamp=asked["stamp"],
+    )
+
+
+def _divide(spec: str, known: Any, option: str) -> tuple[str, str]:
+    kind, colon, source = spec.partition(":")
+    if kind not in known or not colon or not source:
+        example = f"{next(iter(known))}:tcp:localhost:5000"
+        raise ValueError(f"{option} is KIND:SOURCE, as {example}; kinds are {', '.join(known)}, got {spec!r}")
+    return kind, source
+
+
+def make_clock(speed: float) -> Callable[[], float]:
+    """The host's clock, which never jumps; of simulated vehicles one that runs faster, alike in all processes since midnight."""
+    if speed in (0.0, 1.0):
+        begun, at = time.time(), time.monotonic()
+        return lambda: begun + (time.monotonic() - at)
+    midnight = time.time() // DAY * DAY
+    return lambda: midnight + speed * (time.time() - midnight)
+
+
+def read_header(folder: Path) -> dict[str, Any]:
+    """What a mission was begun with. Raises FileNotFoundError, ValueError."""
+    path = folder / JOURNAL_FILE
+    if not path.is_file():
+        raise FileNotFoundError(f"{folder} holds no {JOURNAL_FILE}; begin a mission with --log {folder}")
+    first = next(read_events(path), None)
+    if first is None or first.get("format") != FORMAT or not isinstance(first.get("mission"), dict):
+        raise ValueError(f"{path} does not begin as a journal of this version; begin a new mission")
+    if missing := [name for name in ASKED if name not in first["mission"]]:
+        raise ValueError(f"{path} does not say {missing[0]}; begin a new mission")
+    return dict(first["mission"])
+
+
+def replay_journal(path: Path, helm: Helm) -> int:
+    """Let all that came before come again, and send nothing. Returns the number of lines."""
+    count = 0
+    for event in read_events(path):
+        if "from" in event:
+            count += 1
+            handle(helm, event["from"], event["line"].encode("latin-1"), event["t"])
+    return count
+
+
+def handle(helm: Helm, who: str, line: bytes, now: float) -> Order | None:
+    """What follows from a line."""
+    if who == "receiver":
+        helm.hear(line, now)
+        return None
+    return helm.steer(line, now)
+
+
+def warm_up(asked: dict[str, Any]) -> None:
+    """Load what is compiled, on a mission that is thrown away: the first order must not wait for it."""
+    orders = make_orders({**asked, "box": None, "home": None, "origin": None}, in_degrees=True, mathematical_allowed=True)
+    from tagtrack.live.tracker import Tracker
+
+    tracker = Tracker(orders.task, tags=orders.tags, policy=orders.policy)
+    receiver = tracker.task.scenario.belief.receiver
+    for k in range(3):
+        t = k * tracker.time_step
+        tracker.navigate(t, 0.0, 0.0, 0.0, 0.0)
+        tracker.steer(t)
+        readings: dict[str, Any] = {name: 1.0 for name in receiver.readings}
+        tracker.hear(t + 0.5 * tracker.time_step, orders.tags[0], **readings)
+    tracker.last_estimates()
+
+
+class Loop:
+    """Waits for lines, writes them down, lets the helm decide, sends what it says."""
+
+    def __init__(
+        self,
+        helm: Helm,
+        journal: Journal,
+        receiver: Source,
+        vehicle: Source,
+        *,
+        clock: Callable[[], float],
+        json_lines: bool = False,
+        tell: bool = True,
+    ) -> None:
+        self.helm, self.journal, self.receiver, self.vehicle = helm, journal, receiver, vehicle
+        self.clock, self.json_lines, self.tells = clock, json_lines, tell
+        self.picture: Path | None = None
+        self._stopped = False
+        self._asked = self._told = self._drawn = -1e9
+        self._track: list[tuple[float, float]] = []  # where the vehicle said it was, a place a second, in metres
+
+    def run(self, duration: float | None) -> None:
+        """Until it is stopped, nothing will come any more, or so many seconds have passed."""
+        begun = time.monotonic()
+        former = signal.signal(signal.SIGTERM, self.stop) if threading.current_thread() is threading.main_thread() else None
+        try:
+            while not (self._stopped or self._over(begun, duration)):
+                self._turn()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            if former is not None:
+                signal.signal(signal.SIGTERM, former)
+
+    def stop(self, *_: Any) -> None:
+        """End ``run`` soon."""
+        self._stopped = True
+
+    def _over(self, begun: float, duration: float | None) -> bool:
+        if self.receiver.ended and self.vehicle.ended:
+            return True
+        return self.vehicle.ended or (duration is not None and time.monotonic() - begun > duration)
+
+    def _turn(self) -> None:
+        wall = time.monotonic()
+        if self.helm.vehicle.question and wall - self._asked > TELL:
+            self._ask(wall)
+        wait_for([self.receiver, self.vehicle], TICK)
+        for line in self.vehicle.read():
+            self._hear()  # what came before counts before
+            now = self.clock()
+            self._note("from", "vehicle", line, now)
+            order = self.helm.steer(line, now)
+            if order is not None:
+                self._send(self.helm.vehicle.order(order), now)
+                if self.helm.vehicle.question:
+                    self._ask(wall)
+        self._hear()
+        self._look(time.monotonic())
+
+    def _hear(self) -> None:
+        for line in self.receiver.read():
+            now = self.clock()
+            self._note("from", "receiver", line, now)
+            self.helm.hear(line, now)
+
+    def _look(self, wall: float) -> None:
+        """Once a second: is navigation too old, and what do people see?"""
+        if wall - self._told < TELL:
+            return
+        self._told = wall
+        now = self.clock()
+        order = self.helm.watch(now)
+        if order is not None:
+            self._send(self.helm.vehicle.order(order), now)
+        if self.tells:
+            self._tell(now)
+        if self.helm.tracker is not None and self.helm.fixes:
+            pose = self.helm.tracker.pose
+            self._track = [*self._track[-20_000:], (pose.x, pose.y)]
+        if self.picture is not None and wall - self._drawn > DRAW:
+            self._drawn = wall
+            self._draw()
+
+    def _ask(self, wall: float) -> None:
+        self._asked = wall
+        self.vehicle.write(self.helm.vehicle.question)
+
+    def _note(self, way: str, who: str, line: bytes, now: float) -> None:
+        self.journal.note({"t": now, way: who, "line": line.decode("latin-1")})
+
+    def _send(self, data: bytes, now: float) -> None:
+        self._note("to", "vehicle", data, now)
+        if not self.vehicle.write(data):
+            self.helm.counts["order that did not go out"] += 1
+
+    def _tell(self, now: float) -> None:
+        status = self.helm.status(now)
+        for name, source in (("receiver", self.receiver), ("vehicle", self.vehicle)):
+            for reason, count in source.counts.items():
+                if count:
+                    status["dropped"][f"{name}: {reason}"] = count
+        if self.json_lines:
+            print(json.dumps(status), file=sys.stderr, flush=True)
+            return
+        end = "\r" if sys.stderr.isatty() else "\n"
+        print(describe(status), end=end, file=sys.stderr, flush=True)
+
+    def _draw(self) -> None:
+        from tagtrack.live.chart import draw_chart
+
+        helm, picture = self.helm, self.picture
+        if helm.tracker is not None and helm.fixes and picture is not None:
+            told = picture, list(self._track), helm.tracker.last_estimates()
+            threading.Thread(target=draw_chart, args=told, daemon=True).start()
+
+
+def describe(status: dict[str, Any]) -> str:
+    """A line of status for people."""
+    parts = [time.strftime("%H:%M:%S", time.gmtime(status["t"]))]
+    age = status["navigation_age_s"]
+    parts.append("no navigation yet" if age is None else f"navigation {age:.0f} s old")
+    for tag in status.get("tags", []):
+        since = tag["heard_s_ago"]
+        heard = "never heard" if since is None else f"heard {since:.0f} s ago"
+        parts.append(f"{tag['tag']} {heard}, {tag['x']:g}, {tag['y']:g} +-{tag['sd']:g} m{' LOST' if tag['lost'] else ''}")
+    if "course" in status:
+        why = f" ({status['reason']})" if status["reason"] else ""
+        parts.append(f"course {status['course']:g} speed {status['speed']:g}{why}")
+    if dropped := sum(status["dropped"].values()):
+        parts.append(f"{dropped} lines dropped")
+    return " | ".join(parts)
