@@ -10,7 +10,7 @@ import re
 from typing import Any
 
 LONGEST_LINE = 1024  # bytes; what is longer is no line of ours
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
 class BadLine(ValueError):

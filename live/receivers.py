@@ -79,7 +79,7 @@ class Tbr(Receiver):
         return [Heard(second + millisecond / 1000.0, f"{fields[3]}-{int(fields[4])}")]
 
     def write(self, heard: Heard, number: int) -> bytes:
-        stamp = round(1000.0 * float(heard.arrival if heard.arrival is not None else heard.t or 0.0))
+        stamp = round(1000.0 * (heard.t or 0.0))
         return f"$1000042,{stamp // 1000},{stamp % 1000:03d},S64K,{heard.tag},0,24,69,{number}\r".encode("ascii")
 
 
@@ -120,7 +120,7 @@ class Vr2c(_Innovasea):
     name = "vr2c"
 
     def write(self, heard: Heard, number: int) -> bytes:
-        return self._line(heard, number, _stamp(_time_of(heard))[:19], "")
+        return self._line(heard, number, _stamp(heard.t or 0.0)[:19], "")
 
 
 class RxLive(_Innovasea):
@@ -129,7 +129,7 @@ class RxLive(_Innovasea):
     name = "rxlive"
 
     def write(self, heard: Heard, number: int) -> bytes:
-        return self._line(heard, number, _stamp(_time_of(heard)), ",S=66.5,N=39.5,C=0")
+        return self._line(heard, number, _stamp(heard.t or 0.0), ",S=66.5,N=39.5,C=0")
 
 
 class JsonReceiver(Receiver):
@@ -172,10 +172,6 @@ def _utc(text: str) -> float:
         if 0.0 <= found <= LATEST:
             return found
     raise BadLine("no time")
-
-
-def _time_of(heard: Heard) -> float:
-    return float(heard.arrival if heard.arrival is not None else heard.t or 0.0)
 
 
 def _stamp(time: float) -> str:
