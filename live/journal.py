@@ -1,8 +1,8 @@
 """The log of a mission at sea: every line that came and went, written before anything follows from it.
 
 A journal is JSON lines. The first says what the mission is; the others are ``{"t": ..., "from": "vehicle", "line": "..."}`` and
-``{"t": ..., "to": "vehicle", "line": "..."}``. Each is written by a single call, so that a kill leaves whole lines but for the
-last, which is then cut off: nothing had followed from it.
+``{"t": ..., "to": "vehicle", "line": "..."}``, with ``safe`` where an order follows from no line, but from time. Each is written
+by a single call, so that a kill leaves whole lines but for the last, which is then cut off: nothing had followed from it.
 """
 
 from __future__ import annotations

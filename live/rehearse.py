@@ -78,7 +78,7 @@ def rehearse(
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder) / JOURNAL_FILE, fresh=True)
         sources = open_source(hydrophone.spec), open_source(water.spec)
-        loop = Loop(helm, journal, *sources, clock=make_clock(speed), json_lines=True, tell=False)
+        loop = Loop(helm, journal, *sources, clock=make_clock(speed), speed=speed, tell=False)
         thread = threading.Thread(target=loop.run, args=(None,), daemon=True)
         thread.start()
         theatre = Theatre(sea, hydrophone, water, speed=speed, latency=latency, loss=loss, seed=seed)

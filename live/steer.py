@@ -34,13 +34,14 @@ ASKED = (
 
 def run(options: argparse.Namespace) -> None:
     """The command."""
-    folder = Path(options.resume or options.log)
     if options.resume:
+        folder = Path(options.resume)
         asked = read_header(folder)
         for name in ("receiver", "vehicle"):  # ports may have changed, what the mission is about may not
             asked[name] = getattr(options, name) or asked[name]
     else:
         require_asked(options)
+        folder = Path(options.log)
         asked = {name: getattr(options, name) for name in ASKED}
     helm, receiver_source, vehicle_source = prepare(asked)
     warm_up(asked)
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> None:
         journal.note({"mission": asked, "format": FORMAT})
     receiver = open_source(receiver_source)
     vehicle = open_source(vehicle_source, greeting=helm.vehicle.greeting)
-    loop = Loop(helm, journal, receiver, vehicle, clock=make_clock(asked["speed"]), json_lines=options.json)
+    loop = Loop(helm, journal, receiver, vehicle, clock=make_clock(asked["speed"]), speed=asked["speed"], json_lines=options.json)
     loop.picture = Path(options.picture) if options.picture else None
     try:
         loop.run(options.duration)
@@ -211,11 +212,12 @@ class Loop:
         vehicle: Source,
         *,
         clock: Callable[[], float],
+        speed: float = 1.0,
         json_lines: bool = False,
         tell: bool = True,
     ) -> None:
         self.helm, self.journal, self.receiver, self.vehicle = helm, journal, receiver, vehicle
-        self.clock, self.json_lines, self.tells = clock, json_lines, tell
+        self.clock, self.speed, self.json_lines, self.tells = clock, speed, json_lines, tell
         self.picture: Path | None = None
         self._stopped = False
         self._asked = self._told = self._drawn = -1e9
@@ -245,9 +247,9 @@ class Loop:
 
     def _turn(self) -> None:
         wall = time.monotonic()
-        if self.helm.vehicle.question and wall - self._asked > TELL:
+        if self.helm.vehicle.question and wall - self._asked > TELL / max(self.speed, 1.0):
             self._ask(wall)
-        wait_for([self.receiver, self.vehicle], TICK)
+        wait_for([self.receiver, self.vehicle], TICK / max(self.speed, 1.0))
         for line in self.vehicle.read():
             self._hear()  # what came before counts before
             now = self.clock()
@@ -274,7 +276,7 @@ class Loop:
         now = self.clock()
         order = self.helm.watch(now)
         if order is not None:
-            self._send(self.helm.vehicle.order(order), now)
+            self._send(self.helm.vehicle.order(order), now, safe=self.helm.reason)
         if self.tells:
             self._tell(now)
         if self.helm.tracker is not None and self.helm.fixes:
@@ -288,11 +290,11 @@ class Loop:
         self._asked = wall
         self.vehicle.write(self.helm.vehicle.question)
 
-    def _note(self, way: str, who: str, line: bytes, now: float) -> None:
-        self.journal.note({"t": now, way: who, "line": line.decode("latin-1")})
+    def _note(self, way: str, who: str, line: bytes, now: float, **more: str) -> None:
+        self.journal.note({"t": now, way: who, "line": line.decode("latin-1"), **more})
 
-    def _send(self, data: bytes, now: float) -> None:
-        self._note("to", "vehicle", data, now)
+    def _send(self, data: bytes, now: float, **more: str) -> None:
+        self._note("to", "vehicle", data, now, **more)
         if not self.vehicle.write(data):
             self.helm.counts["order that did not go out"] += 1
 

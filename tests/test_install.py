@@ -25,9 +25,9 @@ from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy, weight_shapes
 
 IDS = ("TagTrack/LeopardShark-v0", "TagTrack/LeopardSharkStandoff-v0")
-PACKAGES = ("tagtrack", "tagtrack.envs", "tagtrack.policies", "tagtrack.baselines", "tagtrack.train", "tagtrack.eval")
+BUILD_FOLDERS = ("tagtrack", "envs", "policies", "baselines", "train", "eval", "live")
+PACKAGES = ("tagtrack", *(f"tagtrack.{name}" for name in BUILD_FOLDERS[1:]))
 BUILD_INPUTS = ("pyproject.toml", "README.md", "LICENSE")
-BUILD_FOLDERS = ("tagtrack", "envs", "policies", "baselines", "train", "eval")
 
 # Takes a few steps in an environment, however it was made, and fails on anything that breaks Gymnasium's contract.
 DRIVE = """
@@ -44,7 +44,8 @@ env.close()
 # What a vehicle at sea needs, and all that it has installed beside the standard library.
 ABOARD = (
     "tagtrack.envs.belief.filter", "tagtrack.envs.layout", "tagtrack.envs.observation", "tagtrack.envs.simulation",
-    "tagtrack.policies.files", "tagtrack.policies.network", "tagtrack.baselines.registry",
+    "tagtrack.policies.files", "tagtrack.policies.network", "tagtrack.baselines.registry", "tagtrack.live.tracker",
+    "tagtrack.live.steer", "tagtrack.live.helm", "tagtrack.live.sources", "tagtrack.live.cli",
 )  # fmt: skip
 INSTALLED_ABOARD = (numpy, numba, llvmlite, safetensors)
 
