@@ -36,6 +36,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_steer(commands)
     _add_simulate(commands)
     _add_rehearse(commands)
+    _add_range_test(commands)
     return parser
 
 
@@ -162,3 +163,25 @@ def _add_rehearse(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.add_argument("--latency", metavar="S", type=float, default=0.0, help="of every line, +- half, as simulated [s] (0)")
     parser.add_argument("--loss", metavar="SHARE", type=float, default=0.0, help="of lines that get lost (0)")
     parser.add_argument("--port", metavar="P", type=int, default=55000, help="the first of those that are used (55000)")
+
+
+def _add_range_test(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "range-test",
+        help="reception against distance, as the water of a scenario",
+        description="How many pings of a tag at known places were heard from how far: counts, shares, a curve, a picture.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="""example, a buoy past which a boat tows a tag:
+  python -m live range-test --log buoy.csv pings.csv --reference boat.csv --interval 10
+moored receivers:
+  python -m live range-test --detections det.csv --receivers rec.csv --reference boat.csv --interval 30""",
+    )
+    parser.set_defaults(module="range_test")
+    parser.add_argument("--log", metavar="FILE", nargs="+", help="log of the receiver's platform: navigation and readings")
+    parser.add_argument("--detections", metavar="FILE", help="of moored receivers, instead: t_unix_s,receiver,tag, VUE ...")
+    parser.add_argument("--receivers", metavar="FILE", help="their places: receiver,x,y")
+    parser.add_argument("--reference", metavar="FILE", required=True, help="csv t,x,y of where the tag was")
+    parser.add_argument("--interval", metavar="S", type=float, required=True, help="mean time from one ping to the next [s]")
+    parser.add_argument("--tag", metavar="NAME", help="(the only one)")
+    parser.add_argument("--bin", metavar="M", type=float, default=50.0, help="width of a bin of distance [m] (50)")
+    parser.add_argument("--out", metavar="DIR", help="folder for range_test.json and range_test.png (none)")

@@ -186,6 +186,11 @@ class Helm:
             home = self._box.middle
         return Guard(box=self._box, action=self.orders.safe, home=home, margin=10.0 + turn, reach=reach, cruise=cruise)
 
+    @property
+    def time_of_last_fix(self) -> float:
+        """[s]; NaN before the first."""
+        return self._last_time
+
     def watch(self, now: float) -> Order | None:
         """The safe action, where navigation is too old: asked every second or so, and nothing else follows from it."""
         if self.tracker is None or self.guard is None or now - self._fixed_at <= self.orders.stale:

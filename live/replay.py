@@ -21,6 +21,8 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import Task, build_task, parse_overrides
 from tagtrack.live.calibrated import RangeFinder, read_range_finder
 from tagtrack.live.conventions import Conventions
+from tagtrack.live.journal import JOURNAL_FILE
+from tagtrack.live.journal_log import find_journal, read_journal, tell_journal
 from tagtrack.live.mission_log import MissionLog, Reading, read_log
 from tagtrack.live.recording import MISSION_FILE, NAVIGATION_FILE, READINGS_FILE, REFERENCE_FILE
 from tagtrack.live.tracker import SYNONYMS, Tracker
@@ -113,7 +115,8 @@ class Replayed:
 
 def read_mission(options: argparse.Namespace) -> Mission:
     """The mission that a command line names."""
-    paths, told = _log_files(options.log)
+    journal = find_journal(options.log)
+    paths, told = ([], tell_journal(journal)) if journal is not None else _log_files(options.log)
     env = options.env or told.get("env")
     if env is None:
         raise ValueError("say which task's filter to use: --env LeopardShark-v0 (bearings), RangeOnly-v0, AreaOnly-v0 ...")
@@ -124,7 +127,8 @@ def read_mission(options: argparse.Namespace) -> Mission:
     task = build_task(
         env, preset=own.get("preset"), overrides=overrides, particles=options.particles or own.get("particles")
     )
-    log = read_log(paths, task.scenario.belief.receiver.readings)
+    names = task.scenario.belief.receiver.readings
+    log = read_log(paths, names) if journal is None else read_journal(journal)
     tags = _choose_tags(options.tags or told.get("tags"), log, asked=options.tags is not None)
     return Mission(
         log=log,
@@ -143,7 +147,7 @@ def _log_files(given: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
     if len(given) == 1 and Path(given[0]).is_dir():
         folder = Path(given[0])
         if not (folder / MISSION_FILE).is_file():
-            raise FileNotFoundError(f"{folder} holds no {MISSION_FILE}; name the log's files")
+            raise FileNotFoundError(f"{folder} holds neither {MISSION_FILE} nor {JOURNAL_FILE}; name the log's files")
         try:
             told = json.loads((folder / MISSION_FILE).read_text(encoding="utf-8"))
             if not isinstance(told, dict):

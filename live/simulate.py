@@ -300,7 +300,7 @@ class Theatre:
             self._tell()
 
     def _tell(self) -> None:
-        if self._fresh or self.speed > 0:
+        if self._fresh:  # between two steps there is nothing new to tell: the answer comes with the next one
             self._post(self.helm, self.sea.fix(self.epoch))
             self._fresh = self._asked = False
 

@@ -15,7 +15,9 @@ import pytest
 
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import Task, build_task
+from tagtrack.live.journal import JOURNAL_FILE, Journal
 from tagtrack.live.recording import Recorder
+from tagtrack.live.steer import handle, prepare
 from tests.live.conftest import sail
 
 Live = Callable[..., tuple[int, str, str]]
@@ -134,3 +136,29 @@ def test_mistakes_end_in_one_line(tmp_path: Path, live: Live, monkeypatch, optio
     status, _, error = live("replay", "--log", "nav.csv", "pings.csv", "--out", "out", *options)
     assert status == 2 and message in error and error.count("\n") == 1
     assert not Path("out").exists() or not list(Path("out").iterdir())
+
+
+def test_the_journal_of_a_mission_is_a_log(tmp_path: Path, live: Live) -> None:
+    asked = {
+        "env": "RangeOnly-v0", "filter": None, "particles": 100, "set": [], "tags": ["7"], "seed": 3, "policy": "circle:50",
+        "headings": None, "origin": None, "box": None, "safe": "hold", "home": None, "depth": 0.0, "late": 60.0, "stale": 15.0,
+        "stamp": "receiver", "speed": 1.0, "receiver": "json:-", "vehicle": "json:tcp:localhost:1", "feet": False,
+        "checksum": True, "degrees": False,
+    }  # fmt: skip
+    helm, _, _ = prepare(asked)
+    folder = tmp_path / "mission"
+    folder.mkdir()
+    journal = Journal(folder / JOURNAL_FILE, fresh=True)
+    journal.note({"mission": asked, "format": 1})
+    for step in range(30):
+        now = 1e9 + 10.0 * step
+        lines = [("receiver", f'{{"t": {now - 0.5}, "tag": "7", "range": {150 - step}}}'), ("receiver", "nonsense")]
+        lines += [("vehicle", f'{{"t": {now}, "x": {step}, "y": 0, "heading": 90, "speed": 0.1}}')]
+        for who, line in lines:
+            journal.note({"t": now, "from": who, "line": line})
+            handle(helm, who, line.encode(), now)
+    journal.close()
+    assert helm.tracker is not None
+    assert live("replay", "--log", folder, "--out", tmp_path / "out")[0] == 0
+    last = helm.tracker.last_estimates()[0]
+    np.testing.assert_allclose(estimates_of(tmp_path / "out", 1)[-1, 0], (last.best_x, last.best_y))
