@@ -42,10 +42,12 @@ class Benchmark:
     task: ManyParticles = field(default_factory=ManyParticles)
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle; uncertain and assignment, which
-    share out tags) and folders of training runs.
+    share out tags), learned (the policy that comes with the package) and folders of training runs.
     my_module:MyController is a controller of your own (a class of heuristics, or what makes a policy for a simulation).
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
+    trust: bool = False
+    """Load models of Stable-Baselines3 (model.zip) among --policies, which runs the code in them."""
     from_step: WholeNumber = 0
     """First step of each episode that counts: 100 leaves out how the fish was found."""
     together: bool = False
@@ -65,7 +67,7 @@ class Benchmark:
             raise ValueError(f"--together takes at least two training runs among --policies, got {len(runs)}")
         if self.record and task.scenario.vehicles > 1:
             raise ValueError(f"--record writes missions of one vehicle, got vehicles={task.scenario.vehicles}; leave it out")
-        makers = find_makers(specs, task, env_id)
+        makers = find_makers(specs, task, env_id, trust=self.trust)
         out = self.out or default_folder("benchmark", env_id)
         require_replaceable(out, OWN_FILES, "benchmark")
         with progress_bar(len(makers) * trial.episodes * task.scenario.episode_steps) as advance:

@@ -20,7 +20,9 @@ from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker
+from tagtrack.eval.sb3_zip import is_zip, load_zip
 from tagtrack.eval.static_array import NAME, is_static_array, read_static_array
+from tagtrack.policies.box import LEARNED, boxed_policy
 from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
@@ -38,7 +40,9 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
         raise ValueError(f"name at least one policy: {_choices()}")
     named: dict[str, str] = {}
     for spec in specs:
-        name = spec.rpartition(":")[2] if _is_object(spec) else Path(spec).resolve().name if is_run(spec) else spec
+        name = spec.rpartition(":")[2] if _is_object(spec) else spec
+        if is_run(spec) or is_zip(spec):
+            name = Path(spec).resolve().name
         if name in named:
             raise ValueError(
                 f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
@@ -47,19 +51,19 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
     return named
 
 
-def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dict[str, Contestant]:
+def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str, *, trust: bool = False) -> dict[str, Contestant]:
     """A maker for each policy, which has made it once for this task; a ``Localizer`` stands for itself.
 
     Args:
         specs: by name, a baseline's or an array's spec, a folder with a saved policy, a policy, a function that makes one for a
             ``Simulation``, or a ``Localizer``.
-        env_id: for error messages.
+        env_id: for error messages. trust: load models of Stable-Baselines3 (``model.zip``), which runs the code in them.
     Raises:
         ValueError: for an unknown baseline, a wrong number behind its colon, a policy of another layout or a damaged file.
         FileNotFoundError: for a folder without a policy.
     """
     # Folders and unknown names first: a simulation may have to be compiled.
-    makers = {name: _find_maker(spec, task, env_id) for name, spec in specs.items()}
+    makers = {name: _find_maker(spec, task, env_id, trust=trust) for name, spec in specs.items()}
     fleet = task.scenario.vehicles > 1 or task.scenario.targets > 1
     if fleet and (arrays := [name for name, maker in makers.items() if isinstance(maker, Localizer)]):
         raise ValueError(
@@ -73,8 +77,15 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str) -> dic
     return makers
 
 
-def _find_maker(spec: PolicySpec, task: Task, env_id: str) -> Contestant:
+def _find_maker(spec: PolicySpec, task: Task, env_id: str, *, trust: bool) -> Contestant:
     if isinstance(spec, (str, os.PathLike)):
+        if spec == LEARNED:
+            scenario = task.scenario
+            spec = boxed_policy(task.env_id, vehicles=scenario.vehicles, tags=scenario.targets)
+        if is_zip(str(spec)):
+            if not trust:
+                raise ValueError(f"loading {spec}, of Stable-Baselines3, runs the code that is in it; add --trust if it is yours")
+            return _always(load_zip(Path(spec), task.scenario))
         if isinstance(spec, str) and is_baseline(spec):
             return lambda simulation: make_baseline(spec, simulation)
         if isinstance(spec, str) and is_static_array(spec):
@@ -114,7 +125,7 @@ def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
 
 def is_run(spec: str) -> bool:
     """Whether a spec names the folder of a saved policy: it is nothing else."""
-    return not (is_baseline(spec) or is_static_array(spec) or _is_object(spec))
+    return not (is_baseline(spec) or is_static_array(spec) or spec == LEARNED or is_zip(spec) or _is_object(spec))
 
 
 def _is_object(spec: str) -> bool:
@@ -156,4 +167,7 @@ def is_baseline(spec: str) -> bool:
 
 
 def _choices() -> str:
-    return f"the baselines are {', '.join(BASELINES)}; {NAME} stands for moored receivers, MODULE:CLASS for one of your own"
+    return (
+        f"the baselines are {', '.join(BASELINES)}; {LEARNED} is the policy that comes with the package, {NAME} stands for "
+        "moored receivers, MODULE:CLASS for one of your own"
+    )

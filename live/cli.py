@@ -37,6 +37,7 @@ def make_parser() -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_rehearse(commands)
     _add_range_test(commands)
+    _add_export(commands)
     return parser
 
 
@@ -185,3 +186,15 @@ moored receivers:
     parser.add_argument("--tag", metavar="NAME", help="(the only one)")
     parser.add_argument("--bin", metavar="M", type=float, default=50.0, help="width of a bin of distance [m] (50)")
     parser.add_argument("--out", metavar="DIR", help="folder for range_test.json and range_test.png (none)")
+
+
+def _add_export(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "export",
+        help="a learned policy as ONNX, for other languages",
+        description="Write a policy as an ONNX graph from observation (B, D) to action (B, A), checked against numpy.",
+    )
+    parser.set_defaults(module="export")
+    parser.add_argument("--policy", metavar="RUN", required=True, help="folder of a training run, or learned")
+    parser.add_argument("--env", metavar="ID", default="LeopardShark-v0", help="for learned: which one (LeopardShark-v0)")
+    parser.add_argument("--out", metavar="FILE", required=True, help="file to write, as policy.onnx")

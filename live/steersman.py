@@ -13,6 +13,7 @@ from tagtrack.baselines.registry import BASELINES, make_baseline
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.task import Task
 from tagtrack.live.believer import Believer
+from tagtrack.policies.box import LEARNED, boxed_policy
 from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
@@ -54,10 +55,10 @@ def _find_policy(spec: str, believer: Believer, task: Task) -> Policy:
         if issubclass(BASELINES[name], OracleCircle):
             raise ValueError(f"{name} looks at the true place of the fish, which nobody knows at sea; name another policy")
         return make_baseline(spec, believer)
-    folder = Path(spec)
-    if not folder.exists():
-        raise ValueError(f"unknown policy {spec!r}: there is no such folder, and the baselines are {', '.join(BASELINES)}")
     scenario = believer.scenario
+    folder = boxed_policy(task.env_id, tags=scenario.targets) if spec == LEARNED else Path(spec)
+    if not folder.exists():
+        raise ValueError(f"unknown policy {spec!r}: there is no such folder, and known are {LEARNED}, {', '.join(BASELINES)}")
     loaded = load_policy(folder, feature_names(scenario), action_names=action_names(scenario), env_id=task.env_id)
     if not isinstance(loaded, EntityPolicy):
         return loaded

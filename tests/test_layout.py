@@ -244,7 +244,7 @@ def test_every_import_is_a_declared_dependency_and_optional_ones_wait_in_functio
 
     extras = PROJECT["project"]["optional-dependencies"]
     required = names(PROJECT["project"]["dependencies"])
-    optional = names(extras["render"] + extras["tensorboard"] + extras["geo"] + extras["live"])
+    optional = names(extras["render"] + extras["tensorboard"] + extras["geo"] + extras["live"] + extras["onnx"])
 
     def is_declared(found: Import) -> bool:
         if found.top in TYPES:
