@@ -92,12 +92,13 @@ class Tracker:
     >>> tracker = Tracker("RangeOnly-v0", tags=["A69-1601-27"], policy="circle:100")
     >>> tracker.navigate(0.0, x=0.0, y=0.0, heading=90.0, speed=1.0)
     >>> tracker.hear(30.0, "A69-1601-27", range=210.0)
+    True
     >>> tracker.navigate(30.0, x=30.0, y=0.0, heading=90.0, speed=1.0)
     >>> command = tracker.steer(30.0)
     >>> 0 <= command.course < 360 and not command.stale
     True
-    >>> [estimate.lost for estimate in tracker.estimates(30.0)]
-    [False]
+    >>> [estimate.heard for estimate in tracker.estimates(30.0)]
+    [30.0]
 
     Args:
         task: an environment id, or a ``Task``; its truth is not looked at.

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-FOLDERS = ("tagtrack", "envs", "policies", "baselines", "train", "eval")
+FOLDERS = ("tagtrack", "envs", "policies", "baselines", "train", "eval", "live")
 EXAMPLE = re.compile(r"^ *>>> ", re.MULTILINE)
 
 
