@@ -34,6 +34,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_replay(commands)
     _add_steer(commands)
+    _add_compile(commands)
     _add_simulate(commands)
     _add_rehearse(commands)
     _add_range_test(commands)
@@ -119,6 +120,17 @@ example: python -m live steer --env AreaOnly-v0 --policy circle:200 --tags 1285 
     parser.add_argument("--duration", metavar="S", type=float, help="stop after so long [s] (never)")
     parser.add_argument("--json", action="store_true", help="status as JSON, for programs")
     parser.add_argument("--picture", metavar="FILE", help="a chart, drawn anew every minute")
+
+
+def _add_compile(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    parser = commands.add_parser(
+        "compile",
+        help="compile ahead what `steer` needs, so that it starts in two seconds",
+        description="Compile for this machine what a mission needs; half a minute, once, and again after an update.",
+    )
+    parser.set_defaults(module="compile_ahead")
+    add_task(parser, required=True)
+    parser.add_argument("--policy", metavar="POLICY", default="circle", help="as steer's (circle)")
 
 
 def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -183,3 +183,10 @@ def test_a_strangers_receiver_by_ten_lines_of_json(tmp_path: Path) -> None:
     assert all(0 <= order["course"] < 360 and order["speed"] == 1.0 for order in orders)
     lines = [event for event in read_events(tmp_path / "m" / JOURNAL_FILE) if "from" in event]
     assert {event["from"] for event in lines} == {"receiver", "vehicle"}
+
+
+def test_compiling_ahead(live: Live) -> None:
+    status, shown, error = live("compile", "--env", "LeopardShark-v0", "--policy", "three_step", "--tags", "1", "2")
+    assert status == 0, error
+    assert shown.startswith("ready after")
+    assert live("compile", "--env", "Leopard")[0] == 2
