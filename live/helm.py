@@ -21,6 +21,7 @@ from tagtrack.live.vehicles import FASTEST, Fix, Order, VehicleLink, is_order_sa
 
 AHEAD = 5.0  # by which a receiver's clock may be ahead of ours [s]
 LEAP = 50.0  # that a place may make beside what the fastest vehicle covers [m]
+MOST_REASONS = 50  # that are told apart
 AGREE = 3  # fixes that agree with one another after a leap, and are then believed
 
 
@@ -85,7 +86,7 @@ class Helm:
             for heard in self.receiver.read(line):
                 self._count_ping(heard, now)
         except BadLine as error:
-            self.counts[f"receiver: {error}"] += 1
+            self._drop(f"receiver: {error}")
 
     def _count_ping(self, heard: Heard, now: float) -> None:
         tag = heard.tag if heard.tag in self.orders.tags else heard.tag.rpartition("-")[2]  # by its number, in any codespace
@@ -111,8 +112,13 @@ class Helm:
             fix = self.vehicle.read(line)
             return None if fix is None else self._navigate(fix, now)
         except BadLine as error:
-            self.counts[f"vehicle: {error}"] += 1
+            self._drop(f"vehicle: {error}")
             return None
+
+    def _drop(self, reason: str) -> None:
+        """Count a line that nothing follows from; of reasons without end the last ones are one."""
+        known = reason in self.counts or len(self.counts) < MOST_REASONS
+        self.counts[reason if known else "other reasons"] += 1
 
     def _navigate(self, fix: Fix, now: float) -> Order | None:
         step = self.orders.step

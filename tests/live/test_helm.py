@@ -140,3 +140,10 @@ def test_boxes() -> None:
         Guard(box=Box(SQUARE), home=(100.0, 0.0))
     with pytest.raises(ValueError, match="hold, stop, home, got 'panic'"):
         Guard(box=Box(), action="panic")
+
+
+def test_reasons_without_end_are_counted_as_one() -> None:
+    helm = helm_of()
+    for number in range(1000):
+        helm.hear(f'{{"tag": "1285", "field{number}": "word"}}'.encode(), 0.0)
+    assert len(helm.counts) <= 51 and sum(helm.counts.values()) == 1000
