@@ -199,11 +199,17 @@ class Helm:
 
     def watch(self, now: float) -> Order | None:
         """The safe action, where navigation is too old: asked every second or so, and nothing else follows from it."""
-        if self.tracker is None or self.guard is None or now - self._fixed_at <= self.orders.stale:
+        if now - self._fixed_at <= self.orders.stale:
+            return None
+        return self.act_safely(now, f"navigation is {now - self._fixed_at:.0f} s old")
+
+    def act_safely(self, now: float, why: str) -> Order | None:
+        """The safe action, from where the vehicle was last; None before it was anywhere."""
+        if self.tracker is None or self.guard is None:
             return None
         pose = self.tracker.pose
         course, speed, name = self.guard.act(pose.x, pose.y, pose.heading)
-        self.reason = f"navigation is {now - self._fixed_at:.0f} s old: {name}"
+        self.reason = f"{why}: {name}"
         self.last_order = self._order(now, self.tracker.conventions.heading_out(course), speed)
         return self.last_order
 

@@ -162,9 +162,9 @@ class Udp(Source):
 class Tcp(Source):
     """A connection to a server, made anew whenever it breaks."""
 
-    def __init__(self, host: str, port: int, *, wait: float = 10.0, greeting: bytes = b"") -> None:
+    def __init__(self, host: str, port: int, *, wait: float = 10.0) -> None:
         super().__init__()
-        self._address, self._greeting = (host, port), greeting
+        self._address = host, port
         self._socket: socket.socket | None = None
         self._waiting = b""
         self._retry = 0.0
@@ -185,8 +185,7 @@ class Tcp(Source):
             return error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
-        self._rest, self._waiting = b"", self._greeting
-        self._flush()
+        self._rest, self._waiting = b"", b""
         return None
 
     def _receive(self) -> bytes:
@@ -274,11 +273,11 @@ class Serial(Source):
         self._port.close()
 
 
-def open_source(spec: str, *, wait: float = 10.0, greeting: bytes = b"") -> Source:
+def open_source(spec: str, *, wait: float = 10.0) -> Source:
     """The source of a specification.
 
     Args:
-        wait: how long a tcp server may take to answer [s]. greeting: sent whenever a tcp connection stands.
+        wait: how long a tcp server may take to answer [s].
     Raises:
         ValueError: for a specification that is none. OSError: where it cannot be had.
     """
@@ -289,7 +288,7 @@ def open_source(spec: str, *, wait: float = 10.0, greeting: bytes = b"") -> Sour
         return Udp(_port(rest, spec))
     if kind == "tcp":
         host, _, port = rest.rpartition(":")
-        return Tcp(host or "127.0.0.1", _port(port, spec), wait=wait, greeting=greeting)
+        return Tcp(host or "127.0.0.1", _port(port, spec), wait=wait)
     if kind == "serial":
         device, _, baud = rest.rpartition(":")
         if not device or not baud.isdigit():

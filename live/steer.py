@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
     if not options.resume:
         journal.note({"mission": asked, "format": FORMAT})
     receiver = open_source(receiver_source)
-    vehicle = open_source(vehicle_source, greeting=helm.vehicle.greeting)
+    vehicle = open_source(vehicle_source)
     loop = Loop(helm, journal, receiver, vehicle, clock=make_clock(asked["speed"]), speed=asked["speed"], json_lines=options.json)
     loop.picture = Path(options.picture) if options.picture else None
     try:
@@ -291,7 +291,15 @@ class Loop:
         self.vehicle.write(self.helm.vehicle.question)
 
     def _note(self, way: str, who: str, line: bytes, now: float, **more: str) -> None:
-        self.journal.note({"t": now, way: who, "line": line.decode("latin-1"), **more})
+        try:
+            self.journal.note({"t": now, way: who, "line": line.decode("latin-1"), **more})
+        except OSError as error:  # nothing may follow from what is not written down
+            order = self.helm.act_safely(now, "no journal")
+            if order is not None:
+                self.vehicle.write(self.helm.vehicle.order(order))
+            told = "" if order is None else f"; the vehicle was told to {self.helm.orders.safe}"
+            reason = error.strerror or error
+            raise OSError(f"{self.journal.path} cannot be written ({reason}){told}; make room and --resume") from None
 
     def _send(self, data: bytes, now: float, **more: str) -> None:
         self._note("to", "vehicle", data, now, **more)

@@ -47,7 +47,6 @@ class VehicleLink(ABC):
 
     name: ClassVar[str]
     in_degrees: ClassVar[bool] = True  # whether it tells longitude and latitude
-    greeting: ClassVar[bytes] = b""  # sent once a connection stands
     question: ClassVar[bytes] = b""  # sent to be told navigation, where it must be asked
 
     @abstractmethod

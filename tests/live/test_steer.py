@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -17,9 +18,22 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.task import build_task
-from tagtrack.live.journal import JOURNAL_FILE, mend, read_events
-from tagtrack.live.rehearse import own_errors, rehearse
-from tagtrack.live.steer import handle, prepare, read_header, replay_journal
+from tagtrack.live.chart import draw_chart
+from tagtrack.live.helm import Helm
+from tagtrack.live.journal import JOURNAL_FILE, Journal, mend, read_events
+from tagtrack.live.rehearse import SILENT, own_errors, rehearse
+from tagtrack.live.sources import Source
+from tagtrack.live.steer import (
+    Loop,
+    handle,
+    make_orders,
+    make_receiver,
+    make_vehicle,
+    prepare,
+    read_header,
+    replay_journal,
+)
+from tagtrack.live.tracker import Estimate
 
 Live = Callable[..., tuple[int, str, str]]
 PYTHON = (sys.executable, "-m", "tagtrack.live")
@@ -190,3 +204,44 @@ def test_compiling_ahead(live: Live) -> None:
     assert status == 0, error
     assert shown.startswith("ready after")
     assert live("compile", "--env", "Leopard")[0] == 2
+
+
+def test_without_a_journal_the_vehicle_is_told_to_be_safe(tmp_path: Path) -> None:
+    """The disk is full from the second fix on: the last that goes out is the safe action, and the error says what to do."""
+
+    class Full(Journal):
+        def note(self, event):
+            if "from" in event and event["line"].startswith('{"x": 2'):
+                raise OSError(errno.ENOSPC, "No space left on device")
+            super().note(event)
+
+    class Wire(Source):
+        def __init__(self, lines: bytes) -> None:
+            super().__init__()
+            self.lines, self.sent = lines, b""
+
+        def _receive(self) -> bytes:
+            lines, self.lines = self.lines, b""
+            return lines
+
+        def write(self, data: bytes) -> bool:
+            self.sent += data
+            return True
+
+    asked = {
+        **SILENT, "env": "RangeOnly-v0", "particles": 50, "set": [], "tags": ["7"], "seed": 0, "policy": "circle",
+        "safe": "stop", "headings": None, "stamp": "receiver", "speed": 1.0,
+    }  # fmt: skip
+    helm = Helm(make_orders(asked, in_degrees=False, mathematical_allowed=True), make_receiver("json"), make_vehicle("json"))
+    vehicle = Wire(b'{"x": 1, "y": 0, "speed": 1}\n{"x": 2, "y": 0, "speed": 1}\n{"x": 3, "y": 0, "speed": 1}\n')
+    loop = Loop(helm, Full(tmp_path / JOURNAL_FILE, fresh=True), Wire(b""), vehicle, clock=time.time, tell=False)
+    with pytest.raises(OSError, match="cannot be written .No space left on device.; the vehicle was told to stop; make room"):
+        loop.run(5.0)
+    orders = [json.loads(line) for line in vehicle.sent.splitlines()]
+    assert len(orders) == 2 and orders[1]["speed"] == 0.0
+
+
+def test_a_chart_is_drawn(tmp_path: Path) -> None:
+    estimates = [Estimate(tag="A", time=0.0, x=3.0, y=4.0, covariance=np.eye(2), best_x=3.0, best_y=4.0, heard=0.0, lost=False)]
+    draw_chart(tmp_path / "chart.png", [(0.0, 0.0), (10.0, 5.0)], estimates)
+    assert (tmp_path / "chart.png").read_bytes().startswith(b"\x89PNG")
