@@ -42,7 +42,7 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def add_task(parser: argparse.ArgumentParser, *, required: bool) -> None:
+def add_task(parser: argparse.ArgumentParser, *, required: bool, speeds: bool = True) -> None:
     """Options that name a task and its filter."""
     parser.add_argument("--env", metavar="ID", required=required, help="environment whose sensor fits: LeopardShark-v0 ...")
     parser.add_argument("--filter", metavar="NAME", help="another filter of the papers: standard, levy, combined_brownian ...")
@@ -52,14 +52,15 @@ def add_task(parser: argparse.ArgumentParser, *, required: bool) -> None:
     )
     parser.add_argument("--tags", metavar="NAME", nargs="+", help="tags to track")
     parser.add_argument("--seed", metavar="N", type=int, help="of the filter's random numbers (0, or the log's own)")
-    add_conventions(parser)
+    add_conventions(parser, speeds=speeds)
 
 
-def add_conventions(parser: argparse.ArgumentParser) -> None:
+def add_conventions(parser: argparse.ArgumentParser, *, speeds: bool) -> None:
     parser.add_argument(
         "--headings", choices=("nautical", "mathematical"), help="degrees clockwise from north (default), or radians from east"
     )
-    parser.add_argument("--speeds", choices=("m/s", "knots"), help="(m/s)")
+    if speeds:
+        parser.add_argument("--speeds", choices=("m/s", "knots"), help="(m/s)")
     parser.add_argument("--origin", metavar=("LON", "LAT"), nargs=2, type=float, help="of the plane, for lon,lat (the first fix)")
 
 
@@ -100,23 +101,23 @@ example: python -m live steer --env AreaOnly-v0 --policy circle:200 --tags 1285 
              --receiver tbr:serial:/dev/ttyUSB0:115200 --vehicle goby:tcp:localhost:54000 --log mission1""",
     )
     parser.set_defaults(module="steer")
-    add_task(parser, required=False)
+    add_task(parser, required=False, speeds=False)
     parser.add_argument("--policy", metavar="POLICY", help="baseline (three_step, circle:40 ...) or folder of a training run")
     parser.add_argument("--receiver", metavar="KIND:SOURCE", help="who hears, and where its lines come from")
     parser.add_argument("--vehicle", metavar="KIND:SOURCE", help="who is steered, and where its lines come from and go to")
     parser.add_argument("--log", metavar="DIR", help="folder of the journal")
     parser.add_argument("--resume", metavar="DIR", help="go on with a mission that was stopped or killed")
     parser.add_argument("--box", metavar="'X,Y X,Y X,Y'", help="corners of the box that the vehicle stays in (none)")
-    parser.add_argument("--safe", choices=("hold", "stop", "home"), default="hold", help="where navigation is too old (hold)")
+    parser.add_argument("--safe", choices=("hold", "stop", "home"), help="where navigation is too old (hold)")
     parser.add_argument("--home", metavar=("X", "Y"), nargs=2, type=float, help="where home is (the first fix)")
-    parser.add_argument("--depth", metavar="M", type=float, default=0.0, help="that the vehicle is told [m] (0)")
-    parser.add_argument("--stale", metavar="S", type=float, default=15.0, help="how old navigation may be [s] (15)")
-    parser.add_argument("--late", metavar="S", type=float, default=60.0, help="by how much readings may come late [s] (60)")
-    parser.add_argument("--stamp", choices=("receiver", "host"), default="receiver", help="whose clock times pings (receiver)")
-    parser.add_argument("--feet", action="store_true", help="depths in feet, for Remote Helm below 5")
-    parser.add_argument("--degrees", action="store_true", help="a json vehicle tells lon,lat")
-    parser.add_argument("--no-checksum", dest="checksum", action="store_false", help="Innovasea's lines as they come")
-    parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="of the clock, in a simulation; 0: lockstep (1)")
+    parser.add_argument("--depth", metavar="M", type=float, help="that the vehicle is told [m] (0)")
+    parser.add_argument("--stale", metavar="S", type=float, help="how old navigation may be [s] (15, or 2.5 steps of the task)")
+    parser.add_argument("--late", metavar="S", type=float, help="by how much readings may come late [s] (60)")
+    parser.add_argument("--stamp", choices=("receiver", "host"), help="whose clock times pings (receiver)")
+    parser.add_argument("--feet", action="store_true", default=None, help="depths in feet, for Remote Helm below 5")
+    parser.add_argument("--degrees", action="store_true", default=None, help="a json vehicle tells lon,lat")
+    parser.add_argument("--no-checksum", dest="checksum", action="store_false", default=None, help="Innovasea's lines unchecked")
+    parser.add_argument("--speed", metavar="X", type=float, help="of the clock, in a simulation; 0: lockstep (1)")
     parser.add_argument("--duration", metavar="S", type=float, help="stop after so long [s] (never)")
     parser.add_argument("--json", action="store_true", help="status as JSON, for programs")
     parser.add_argument("--picture", metavar="FILE", help="a chart, drawn anew every minute")

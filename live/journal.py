@@ -7,7 +7,9 @@ by a single call, so that a kill leaves whole lines but for the last, which is t
 
 from __future__ import annotations
 
+import fcntl
 import json
+import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +28,15 @@ class Journal:
         except FileExistsError:
             raise FileExistsError(f"{path} is there already; go on with it (--resume), or choose another folder") from None
         self.path = path
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._file)
+            raise OSError(f"{path} is being written by another process; end that one first") from None
+
+    def sync(self) -> None:
+        """See to it that a power cut loses nothing that was noted."""
+        os.fsync(self._file)
 
     def note(self, event: dict[str, Any]) -> None:
         """Write an event. Raises OSError where the disk is full."""
@@ -53,10 +64,24 @@ def read_events(path: Path) -> Iterator[dict[str, Any]]:
     """The events of a journal, in order. Raises ValueError for a line that is none."""
     with path.open("rb") as file:
         for number, line in enumerate(file, start=1):
+            if not line.endswith(b"\n"):  # cut off by a kill: nothing had followed from it
+                return
             try:
                 event = json.loads(line)
-                if not isinstance(event, dict):
-                    raise ValueError
-            except ValueError:
-                raise ValueError(f"{path}: line {number} is damaged; what comes after it cannot be trusted") from None
+            except (ValueError, RecursionError):
+                event = None
+            if not isinstance(event, dict) or not (number == 1 or _is_whole(event)):
+                raise ValueError(f"{path}: line {number} is damaged; what comes after it cannot be trusted")
             yield event
+
+
+def _is_whole(event: dict[str, Any]) -> bool:
+    """Whether an event says when, what and of whom."""
+    t: Any = event.get("t")
+    line = event.get("line")
+    who = event.get("from") in ("receiver", "vehicle") or event.get("to") == "vehicle"
+    return type(t) in (int, float) and math.isfinite(t) and isinstance(line, str) and _is_latin(line) and who
+
+
+def _is_latin(line: str) -> bool:
+    return all(ord(letter) < 256 for letter in line)

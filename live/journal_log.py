@@ -8,9 +8,8 @@ from typing import Any
 
 from tagtrack.envs.task import parse_overrides
 from tagtrack.live.journal import JOURNAL_FILE, read_events
-from tagtrack.live.lines import BadLine
 from tagtrack.live.mission_log import MissionLog, Navigation, Reading
-from tagtrack.live.steer import prepare, read_header
+from tagtrack.live.steer import handle, prepare, read_header
 
 
 def find_journal(given: Sequence[str]) -> Path | None:
@@ -30,40 +29,26 @@ def tell_journal(folder: Path) -> dict[str, Any]:
 
 
 def read_journal(folder: Path) -> MissionLog:
-    """What vehicle and receiver said, as far as it was understood, at the times that counted. Raises ValueError."""
+    """What vehicle and receiver said, as far as it counted, at the times that it counted for. Raises ValueError."""
     asked = read_header(folder)
     helm, _, _ = prepare(asked)
-    step = helm.orders.step
+    helm.accepted = []
     navigation: dict[float, Navigation] = {}
-    readings: list[Reading] = []
     for event in read_events(folder / JOURNAL_FILE):
         if "from" not in event:
             continue
-        line, now = event["line"].encode("latin-1"), float(event["t"])
-        if event["from"] == "vehicle":
-            fixes = helm.fixes
-            helm.steer(line, now)
-            if helm.fixes > fixes and helm.tracker is not None:  # one that counted, in the mission's own words
-                pose = helm.tracker.pose
-                first, second = helm.tracker.conventions.place_out(pose.x, pose.y)
-                heading, speed = helm.tracker.conventions.heading_out(pose.heading), pose.speed
-                t = helm.time_of_last_fix
-                navigation[t] = Navigation(t, first, second, heading, speed)
-            continue
-        try:
-            pings = helm.receiver.read(line)
-        except BadLine:
-            continue
-        clock = now if step == 0 else step * max(helm.fixes - 1, 0)
-        for ping in pings:
-            tag = ping.tag if ping.tag in helm.orders.tags else ping.tag.rpartition("-")[2]
-            host = helm.orders.stamp == "host" or ping.t is None
-            t = clock if host or ping.t is None else ping.t
-            readings.append(Reading(t, tag, ping.heard, None if host else ping.arrival, ping.depth, tuple(ping.values.items())))
-    if not navigation:
+        fixes = helm.fixes
+        handle(helm, event["from"], event["line"].encode("latin-1"), float(event["t"]))
+        if helm.fixes > fixes and helm.tracker is not None:
+            pose, conventions = helm.tracker.pose, helm.tracker.conventions
+            place, heading = conventions.place_out(pose.x, pose.y), conventions.heading_out(pose.heading)
+            navigation[helm.time_of_last_fix] = Navigation(helm.time_of_last_fix, *place, heading, pose.speed)
+    if not navigation or helm.tracker is None:
         raise ValueError(f"{folder} holds no navigation that was understood")
-    in_degrees = helm.tracker is not None and helm.tracker.conventions.origin is not None
-    headings = helm.tracker.conventions.headings if helm.tracker is not None else "nautical"
+    readings = [
+        Reading(ping.t, ping.tag, ping.heard, ping.arrival, ping.depth, tuple(ping.values.items())) for ping in helm.accepted
+    ]
     fixes_in_order = tuple(navigation[t] for t in sorted(navigation))
     heard = tuple(sorted(dict.fromkeys(readings), key=lambda row: (row.t, row.tag)))
-    return MissionLog(fixes_in_order, heard, in_degrees, {"headings": headings})
+    in_degrees = helm.tracker.conventions.origin is not None
+    return MissionLog(fixes_in_order, heard, in_degrees, {"headings": helm.tracker.conventions.headings})

@@ -48,13 +48,12 @@ def plot_mission(path: Path, mission: Mission, replayed: Replayed, reference: Re
             shown.append(best)
             rows = np.flatnonzero(since)
             for row in rows[np.unique(np.linspace(0, len(rows) - 1, ELLIPSES).astype(int))] if len(rows) else ():
-                width, height, angle = ellipse_of(columns["sd_x"][row], columns["sd_y"][row], columns["cov_xy"][row])
+                sd_x, sd_y = columns["sd_x"][row] * scale[0], columns["sd_y"][row] * scale[1]
+                width, height, angle = ellipse_of(sd_x, sd_y, columns["cov_xy"][row] * scale[0] * scale[1])
+                place = columns["x"][row], columns["y"][row]
                 axes.add_patch(
-                    Ellipse(
-                        (columns["x"][row], columns["y"][row]), 2 * width * scale[0], 2 * height * scale[1],
-                        angle=angle if not degrees else 0.0, fill=False, color=colour, linewidth=0.7, alpha=0.7,
-                    )
-                )  # fmt: skip
+                    Ellipse(place, 2 * width, 2 * height, angle=angle, fill=False, color=colour, linewidth=0.7, alpha=0.7)
+                )
     whole = np.concatenate(shown)
     low, high = np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)
     reach = 0.55 * float(((high - low) / scale).max()) + 1e-3  # [m]
@@ -62,6 +61,8 @@ def plot_mission(path: Path, mission: Mission, replayed: Replayed, reference: Re
     axes.set_xlim(x - reach * scale[0], x + reach * scale[0])
     axes.set_ylim(y - reach * scale[1], y + reach * scale[1])
     axes.set_aspect(scale[0] / scale[1])
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.tick_params(axis="x", labelrotation=20 if degrees else 0)
     axes.set_xlabel("longitude [degrees]" if degrees else "x, east [m]")
     axes.set_ylabel("latitude [degrees]" if degrees else "y, north [m]")
     axes.set_title(f"{mission.task.env_id}: ellipses hold 39 % (one sigma)", fontsize=10)

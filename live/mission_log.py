@@ -14,6 +14,7 @@ Order does not matter: rows are sorted by time. A row that is there twice counts
 from __future__ import annotations
 
 import csv
+import difflib
 import io
 import json
 import math
@@ -131,7 +132,11 @@ def _rows(path: Path, said: dict[str, str]) -> Iterator[tuple[dict[str, Any], st
         yield from _json_rows(path, said)
         return
     with open_csv(path, "log", NAVIGATION_COLUMNS) as table:
-        said.update({name: value for name, value in table.remarks.items() if name in CONVENTIONS})
+        for name, value in table.remarks.items():
+            if name in CONVENTIONS:
+                said[name] = value
+            elif near := difflib.get_close_matches(name, CONVENTIONS, cutoff=0.7):
+                raise ValueError(f"{path}: the remark {name!r} is not known; write # {near[0]}: {value}")
         columns = _known_columns(path, table.columns)
         for row in table.rows(tuple(columns)):
             yield {columns[name]: text for name, text in row.field.items()}, row.where
@@ -142,6 +147,10 @@ def _known_columns(path: Path, columns: Sequence[str]) -> dict[str, str]:
     if not columns:
         raise ValueError(f"{path} is empty; a log has rows of navigation ({','.join(NAVIGATION_COLUMNS)}) or readings")
     known = {name: ALIASES.get(name.lower(), name) for name in columns}
+    for name in set(known.values()):
+        if sum(other == name for other in known.values()) > 1:
+            both = " and ".join(column for column, other in known.items() if other == name)
+            raise ValueError(f"{path}: {both} both mean {name}; remove one of these columns")
     if "t" not in known.values():
         raise ValueError(f"{path}: the first line must name a column t, got {','.join(columns)[:200]}; rename or add it")
     return known
@@ -185,7 +194,10 @@ def _read_row(field: Mapping[str, Any], where: str, names: Sequence[str]) -> lis
         if values.get("range", 0.0) < 0:
             raise ValueError(f"{where}: range must be at least 0, got {values['range']:g}")
         depth, arrival = _number(field, "depth", where), _number(field, "arrival", where)
-        found.append(Reading(t, Row({"tag": str(tag)}, where).name("tag"), heard != 0.0, arrival, depth, tuple(values.items())))
+        if isinstance(tag, bool) or not isinstance(tag, (str, int, float)):
+            raise ValueError(f"{where}: tag must be a name or a number, got {tag!r:.80}")
+        name = str(int(tag)) if isinstance(tag, float) and tag.is_integer() else str(tag)
+        found.append(Reading(t, Row({"tag": name}, where).name("tag"), heard != 0.0, arrival, depth, tuple(values.items())))
     if not found:
         raise ValueError(f"{where}: has neither a place (x,y or lon,lat) nor a tag")
     return found
@@ -224,7 +236,10 @@ def _refuse_degrees_as_metres(log: MissionLog, listed: str) -> None:
         return
     pairs = list(zip(fixes, fixes[1:], strict=False))
     way = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairs)
-    said = sum((a.speed or 0.0) * min(b.t - a.t, 60.0) for a, b in pairs)
+    told = [(a.speed, b.t - a.t) for a, b in pairs if a.speed is not None]
+    said = sum(speed * min(seconds, 60.0) for speed, seconds in told)
+    if not told and 0.0 < way < 1e-3 * (fixes[-1].t - fixes[0].t):
+        raise ValueError(f"{listed}: x,y move by less than a millimetre a second: if they are degrees, name the columns lon,lat")
     if said > 20.0 and way < 0.01 * said:
         raise ValueError(
             f"{listed}: the vehicle says that it went {said:.0f} m, and x,y moved by {way:.3g}: if they are degrees, "

@@ -18,6 +18,9 @@ from tagtrack.live.replay import Reference, read_reference
 
 OWN_FILES = ("range_test.json", "range_test.png")
 LEAST_EXPECTED = 30  # pings, for a curve
+LEAST_SPREAD = 0.3  # of distances, as a share of the largest: a tag that stays where it is tells of no curve
+MOST_INTERVALS = 10_000_000
+MOST_BINS = 1000
 Floats = NDArray[np.float64]
 
 
@@ -52,6 +55,8 @@ def collect_trials(platforms: Sequence[tuple[Floats, Floats, Floats]], tag: str,
         raise ValueError(f"--interval must be a positive number of seconds, got {interval}")
     distances, heard = [], []
     for times, places, pings in platforms:
+        if (times[-1] - times[0]) / interval > MOST_INTERVALS:
+            raise ValueError(f"--interval {interval:g} s makes more than {MOST_INTERVALS:,} intervals; are the times in seconds?")
         edges = np.arange(times[0], times[-1] + 0.5 * interval, interval)
         if edges.size < 2:
             continue
@@ -70,6 +75,8 @@ def collect_trials(platforms: Sequence[tuple[Floats, Floats, Floats]], tag: str,
 def count_by_distance(trials: Trials, width: float) -> list[dict[str, float]]:
     """Expected and heard pings, share and its 95 % interval (Wilson 1927) in bins of distance."""
     rows = []
+    if trials.distance.max() / width > MOST_BINS:
+        raise ValueError(f"--bin {width:g} makes over {MOST_BINS} bins up to {trials.distance.max():.0f} m; choose a wider one")
     place = np.floor(trials.distance / width).astype(int)
     for number in np.unique(place):
         chosen = place == number
@@ -98,6 +105,9 @@ def fit_curve(trials: Trials) -> Curve:
         what, advice = ("all", "further off") if trials.heard.all() else ("none", "nearer")
         raise ValueError(f"{what} of {len(trials.heard)} expected pings were heard: go {advice}")
     farthest = float(trials.distance.max())
+    near, far = np.quantile(trials.distance, (0.02, 0.98))
+    if far - near < LEAST_SPREAD * far:
+        raise ValueError(f"the tag stayed between {near:.0f} and {far:.0f} m, which tells of no curve; tow it past the receiver")
 
     def cost(x: Floats) -> float:
         chance = np.clip(_curve_of(x).at(trials.distance), 1e-9, 1.0 - 1e-9)
@@ -129,9 +139,11 @@ def run(options: argparse.Namespace) -> None:
     out = Path(options.out) if options.out else None
     if out is not None:
         require_replaceable(out, OWN_FILES, "range test")
-    if not options.bin > 0:
+    if not (math.isfinite(options.bin) and options.bin > 0):
         raise ValueError(f"--bin must be a positive number of metres, got {options.bin}")
     reference = read_reference(Path(options.reference))
+    if reference.in_degrees:
+        raise ValueError(f"{options.reference} has lon,lat, and a range test takes metres; convert it first")
     platforms, tag = _moored(options) if options.detections else _aboard(options)
     trials = collect_trials(platforms, tag, reference, options.interval)
     rows = count_by_distance(trials, options.bin)
@@ -212,7 +224,8 @@ def plot_reception(path: Path, rows: Sequence[dict[str, float]], curve: Curve, t
     middle = np.array([0.5 * (row["from_m"] + row["to_m"]) for row in rows])
     share = np.array([row["share"] for row in rows])
     error = np.array([[row["share"] - row["low"], row["high"] - row["share"]] for row in rows]).T
-    axes.errorbar(middle, 100 * share, yerr=100 * error, fmt="o", color=INK, markersize=4, linewidth=1, label="heard")
+    error = 100 * np.maximum(error, 0.0)  # rounding leaves a little below 0 where all or none were heard
+    axes.errorbar(middle, 100 * share, yerr=error, fmt="o", color=INK, markersize=4, linewidth=1, label="heard")
     distance = np.linspace(0.0, rows[-1]["to_m"], 400)
     axes.plot(distance, 100 * curve.at(distance), color=COLOURS[0], label=f"half at {curve.reach:.0f} m")
     for row in rows:

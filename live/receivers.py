@@ -17,7 +17,7 @@ from tagtrack.live.lines import BadLine, number, object_of, text_of
 
 LATEST = 4_102_444_800.0  # the year 2100 [s]
 TBR_PROTOCOLS = frozenset(("R256", "R04K", "R64K", "R01M", "S256", "S64K", "HS256", "DS256", "OPi", "OPs"))
-READINGS = ("bearing_units", "strength", "range")
+NAMED = ("t", "arrival", "depth", "bearing_units", "units", "strength", "range", "slant_range")
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,10 @@ class JsonReceiver(Receiver):
         heard = said.pop("heard", True)
         if heard not in (True, False, 0, 1):
             raise BadLine("heard is neither true nor false")
-        given = {name: number(value, name[:20]) for name, value in said.items() if value is not None}
+        named = {name: said.pop(name) for name in NAMED if said.get(name) is not None}
+        given = {name: number(value, name) for name, value in named.items()}
+        # Of a sensor of one's own; what is no number is no reading.
+        given |= {name: float(value) for name, value in said.items() if type(value) in (int, float) and abs(value) < 1e300}
         time, arrival, depth = (given.pop(name, None) for name in ("t", "arrival", "depth"))
         if given.get("range", 0.0) < 0.0:
             raise BadLine("range out of range")

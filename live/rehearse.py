@@ -15,7 +15,7 @@ import numpy as np
 from tagtrack.envs.task import Task
 from tagtrack.live.helm import Helm, Orders
 from tagtrack.live.journal import JOURNAL_FILE, Journal
-from tagtrack.live.simulate import ORIGIN, Port, Sea, Terminal, Theatre
+from tagtrack.live.simulate import ORIGIN, Port, Sea, Terminal, Theatre, check_play
 from tagtrack.live.sources import open_source
 from tagtrack.live.steer import Loop, make_clock, make_orders, make_receiver, make_vehicle
 from tagtrack.live.vehicles import Order
@@ -96,6 +96,8 @@ def errors_of(helm: Observed, sea: Sea, epoch: float) -> np.ndarray:
     """Mean error over tags [m] at the end of each step, of what was believed at the last fix by then."""
     fish = np.array(sea.report()["fish"]).reshape(-1, len(sea.tags), 2)[1:]
     ends = epoch + sea.task.scenario.time_step * np.arange(1, len(fish) + 1)
+    if not helm.believed:
+        raise RuntimeError(f"no fix came through: {dict(helm.dropped)}")
     times = np.array([at for at, _ in helm.believed])
     believed = np.array([places for _, places in helm.believed])
     last = np.maximum(np.searchsorted(times, ends + 0.5 * sea.task.scenario.time_step, side="right") - 1, 0)
@@ -116,10 +118,9 @@ def run(options: argparse.Namespace) -> None:
     from tagtrack.envs.task import build_task, parse_overrides
     from tagtrack.eval.metrics import Bootstrap
 
-    if options.episodes < 1:
-        raise ValueError(f"--episodes must be at least 1, got {options.episodes}")
     overrides = tuple(text for group in options.set for text in group)
     task = build_task(options.env, overrides=parse_overrides(list(overrides), None), particles=options.particles)
+    check_play(options, task)
     own = own_errors(task, options.policy, episodes=options.episodes, seed=options.seed).mean(axis=1)
     played = np.empty(options.episodes)
     tell = progress(options.episodes)

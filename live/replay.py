@@ -68,7 +68,11 @@ class Mission:
             while reading is not None and reading.t <= fix.t:
                 self._hear(tracker, reading)
                 reading = next(waiting, None)
-            tracker.navigate(fix.t, fix.x, fix.y, fix.heading, fix.speed)
+            try:
+                tracker.navigate(fix.t, fix.x, fix.y, fix.heading, fix.speed)
+            except ValueError as error:
+                reason = f"navigation at t={fix.t:.12g}: {str(error).partition('; begin')[0]}"
+                raise ValueError(f"{reason}; are times in seconds? else divide the log there") from None
             if k + 1 == len(self.log.navigation):
                 while reading is not None:
                     self._hear(tracker, reading)
@@ -79,7 +83,10 @@ class Mission:
                     [fix.t, estimate.tag, estimate.x, estimate.y, sd_x, sd_y, float(estimate.covariance[0, 1]), estimate.best_x,
                      estimate.best_y, estimate.heard]
                 )  # fmt: skip
-        return Replayed(rows=rows, counts=dict(tracker.counts), seconds=time.perf_counter() - begun)
+        counts = dict(tracker.counts)
+        if tracker.waiting:
+            counts["after the last navigation"] = tracker.waiting
+        return Replayed(rows=rows, counts=counts, seconds=time.perf_counter() - begun)
 
     def _readings(self) -> Iterator[Reading]:
         for reading in self.log.readings:
@@ -115,6 +122,8 @@ class Replayed:
 
 def read_mission(options: argparse.Namespace) -> Mission:
     """The mission that a command line names."""
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise ValueError(f"--seed must be from 0 to {2**63 - 1}, got {options.seed}")
     journal = find_journal(options.log)
     paths, told = ([], tell_journal(journal)) if journal is not None else _log_files(options.log)
     env = options.env or told.get("env")
@@ -124,9 +133,8 @@ def read_mission(options: argparse.Namespace) -> Mission:
     overrides = {**own.get("overrides", {}), **parse_overrides([text for group in options.set for text in group], None)}
     if options.filter is not None:
         overrides["belief"] = options.filter
-    task = build_task(
-        env, preset=own.get("preset"), overrides=overrides, particles=options.particles or own.get("particles")
-    )
+    particles = own.get("particles") if options.particles is None else options.particles
+    task = build_task(env, preset=own.get("preset"), overrides=overrides, particles=particles)
     names = task.scenario.belief.receiver.readings
     log = read_log(paths, names) if journal is None else read_journal(journal)
     tags = _choose_tags(options.tags or told.get("tags"), log, asked=options.tags is not None)
@@ -150,12 +158,31 @@ def _log_files(given: Sequence[str]) -> tuple[list[Path], dict[str, Any]]:
             raise FileNotFoundError(f"{folder} holds neither {MISSION_FILE} nor {JOURNAL_FILE}; name the log's files")
         try:
             told = json.loads((folder / MISSION_FILE).read_text(encoding="utf-8"))
-            if not isinstance(told, dict):
-                raise ValueError("no object")
-        except ValueError as error:
+            require_mission(told)
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"{folder / MISSION_FILE} is damaged ({error}); record the mission again") from None
         return [folder / NAVIGATION_FILE, folder / READINGS_FILE], told
     return [Path(path) for path in given], {}
+
+
+def require_mission(told: Any) -> None:
+    """Raise ValueError unless this is what a recorder writes."""
+    if not isinstance(told, dict):
+        raise ValueError("it is no object")
+    whole = lambda value: type(value) is int and value >= 0  # noqa: E731
+    tests = {
+        "env": lambda value: isinstance(value, str),
+        "preset": lambda value: value is None or isinstance(value, str),
+        "overrides": lambda value: isinstance(value, dict),
+        "tags": lambda value: isinstance(value, list) and value and all(isinstance(tag, str) for tag in value),
+        "depths": lambda value: isinstance(value, dict) and all(type(depth) in (int, float) for depth in value.values()),
+        "particles": whole,
+        "seed": whole,
+        "episode": whole,
+    }
+    for name, holds in tests.items():
+        if name not in told or not holds(told[name]):
+            raise ValueError(f"{name} is {told.get(name)!r:.60}")
 
 
 def _choose_tags(wanted: Sequence[str] | None, log: MissionLog, *, asked: bool) -> tuple[str, ...]:
@@ -188,6 +215,7 @@ class Reference:
     """Where the tags truly were, by tag; "" for all."""
 
     tracks: Mapping[str, tuple[np.ndarray, np.ndarray]]  # times (K,), places (K, 2) in the log's units
+    in_degrees: bool
 
     def at(self, tag: str, t: np.ndarray) -> np.ndarray:
         """(len(t), 2) places, NaN where the track does not reach."""
@@ -214,7 +242,7 @@ def read_reference(path: Path) -> Reference:
     for tag, points in rows.items():
         array = np.array(sorted(points))
         tracks[tag] = (array[:, 0], array[:, 1:])
-    return Reference(tracks)
+    return Reference(tracks, axes == ("lon", "lat"))
 
 
 def judge(replayed: Replayed, mission: Mission, reference: Reference) -> dict[str, dict[str, float]]:
@@ -301,8 +329,6 @@ def compare_filters(mission: Mission, names: Sequence[str], seeds: int, referenc
     """A row for each filter: errors and sigmas, means over tags and seeds; of the first column the standard deviation, too."""
     rows = []
     for name in names:
-        if name not in BELIEFS:
-            raise ValueError(f"unknown filter {name!r}; known: {', '.join(BELIEFS)}")
         task = _with_belief(mission.task, name)
         figures = []
         for seed in range(mission.seed, mission.seed + seeds):
@@ -340,6 +366,14 @@ def run(options: argparse.Namespace) -> None:
     require_replaceable(out, OWN_FILES, "replay")
     mission = read_mission(options)
     reference = _find_reference(options)
+    if reference is not None and reference.in_degrees != mission.log.in_degrees:
+        has, other = ("lon,lat", "x,y") if reference.in_degrees else ("x,y", "lon,lat")
+        raise ValueError(f"--reference {options.reference} has {has}, the log {other}; give both in one kind")
+    for name in options.compare or ():
+        if name not in BELIEFS:
+            raise ValueError(f"unknown filter {name!r}; known: {', '.join(BELIEFS)}")
+    if options.seeds < 1:
+        raise ValueError(f"--seeds must be at least 1, got {options.seeds}")
     replayed = mission.track()
     errors = judge(replayed, mission, reference) if reference else None
     if reference is not None and not errors:

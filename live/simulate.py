@@ -35,17 +35,34 @@ ORIGIN = (-117.95, 33.55)  # longitude and latitude of the middle of the water, 
 PATIENCE = 30.0  # for an order, where the fish waits for one [s]
 
 
+def check_play(options: argparse.Namespace, task: Task) -> None:
+    """Raise ValueError for a number that cannot be meant, or a receiver that does not tell what the task needs."""
+    limits = {"speed": (0.0, 1e5), "latency": (0.0, 3600.0), "loss": (0.0, 1.0), "wait": (0.0, 86_400.0), "steps": (1, 10**9)}
+    limits |= {"port": (1024, 65_534), "seed": (0, 2**63 - 1), "episodes": (1, 10**6), "particles": (1, 2**20)}
+    for name, (least, most) in limits.items():
+        value = getattr(options, name, None)
+        if value is not None and not least <= value <= most:
+            raise ValueError(f"--{name} must be from {least:g} to {most:g}, got {value}")
+    if options.speed == 0 and (options.loss > 0 or options.latency > 0):
+        raise ValueError("in lockstep (--speed 0) no line is late or lost; leave --loss and --latency out, or give a --speed")
+    if options.receiver != "json" and task.scenario.receiver.readings:
+        raise ValueError(
+            f"a {options.receiver} tells that a tag is heard and no more; {task.env_id} reads "
+            f"{', '.join(task.scenario.receiver.readings)}: --receiver json"
+        )
+
+
 def run(options: argparse.Namespace) -> None:
     """The command."""
     task = build_task(options.env, overrides=parse_overrides([text for group in options.set for text in group], None))
     receiver = make_receiver(options.receiver)
     vehicle = make_vehicle(options.vehicle)
-    if options.receiver not in ("json",) and task.scenario.receiver.readings:
-        raise ValueError(
-            f"a {options.receiver} tells that a tag is heard and no more; {task.env_id} reads "
-            f"{', '.join(task.scenario.receiver.readings)}: --receiver json"
-        )
+    check_play(options, task)
+    if options.report and not Path(options.report).absolute().parent.is_dir():
+        raise ValueError(f"--report {options.report}: there is no such folder; make it first")
     mission = Sea(task, options.seed, receiver, vehicle, mathematical=options.headings == "mathematical")
+    mission.water.sail(mission.course, 0.0)  # what must be compiled is, before anybody waits
+    mission.water.reset(options.seed)
     ears = Port(options.port)
     helm: Port | Terminal = Terminal() if options.pty else Port(options.port + 1)
     specs = f"receiver {options.receiver}:{ears.spec}   vehicle {options.vehicle}:{helm.spec}"

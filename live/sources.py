@@ -69,6 +69,8 @@ class Standard(Source):
 
     def __init__(self) -> None:
         super().__init__()
+        if sys.stdin is None or sys.stdout is None:
+            raise ValueError("-: standard input or output is closed; open it, or name another source")
         self._in = sys.stdin.fileno()
 
     def _receive(self) -> bytes:
@@ -105,6 +107,9 @@ class GrowingFile(Source):
                 data = file.read(CHUNK)
         except FileNotFoundError:
             return b""
+        except OSError:
+            self.counts["file that cannot be read"] += 1
+            return b""
         self._place += len(data)
         return data
 
@@ -115,7 +120,7 @@ class GrowingFile(Source):
 
 
 class Udp(Source):
-    """Datagrams to a port of ours; answers go to whoever sent the first one, and others are not listened to."""
+    """Datagrams to a port of ours from one machine, that of the first; answers go where the last one came from."""
 
     def __init__(self, port: int, host: str = "") -> None:
         super().__init__()
@@ -135,9 +140,9 @@ class Udp(Source):
                 data, sender = self._socket.recvfrom(CHUNK)
             except (BlockingIOError, ConnectionError):
                 break
-            if self._peer is None:
-                self._peer = sender
-            if sender != self._peer:
+            if self._peer is None or sender[0] == self._peer[0]:
+                self._peer = sender  # a receiver that was switched off and on again has another port
+            else:
                 self.counts["from another sender"] += 1
                 continue
             parts.append(data if data.endswith((b"\n", b"\r")) else data + b"\n")
@@ -246,22 +251,39 @@ class Serial(Source):
             import serial
         except ImportError:
             raise ImportError('serial lines need pyserial: pip install "tagtrack[live]"') from None
+        self._open = lambda: serial.Serial(device, baud, timeout=0, write_timeout=1.0, exclusive=True)
+        self._retry = 0.0
         try:
-            self._port = serial.Serial(device, baud, timeout=0, write_timeout=1.0, exclusive=True)
-        except (serial.SerialException, ValueError) as error:
+            self._port: Any = self._open()
+        except (OSError, ValueError) as error:  # pyserial's errors are of these kinds
             raise OSError(f"serial:{device}:{baud} cannot be opened ({error}); is it there, and nobody else on it?") from None
 
     def _receive(self) -> bytes:
+        if self._port is None:
+            if time.monotonic() >= self._retry:
+                self._retry = time.monotonic() + RETRY
+                with contextlib.suppress(OSError, ValueError):
+                    self._port = self._open()
+            return b""
         try:
             return bytes(self._port.read(CHUNK))
-        except OSError:
-            self.counts["serial line broken"] += 1
+        except (OSError, TypeError):
+            self._break()
             return b""
 
+    def _break(self) -> None:
+        self.counts["connection broken"] += 1
+        with contextlib.suppress(OSError):
+            self._port.close()
+        self._port, self._rest, self._retry = None, b"", time.monotonic() + RETRY
+
     def write(self, data: bytes) -> bool:
+        if self._port is None:
+            return False
         try:
             return self._port.write(data) == len(data)
-        except OSError:  # pyserial's errors are of this kind
+        except (OSError, TypeError):
+            self._break()
             return False
 
     def descriptor(self) -> int | None:
@@ -270,7 +292,8 @@ class Serial(Source):
         return None
 
     def close(self) -> None:
-        self._port.close()
+        if self._port is not None:
+            self._port.close()
 
 
 def open_source(spec: str, *, wait: float = 10.0) -> Source:
@@ -291,7 +314,7 @@ def open_source(spec: str, *, wait: float = 10.0) -> Source:
         return Tcp(host or "127.0.0.1", _port(port, spec), wait=wait)
     if kind == "serial":
         device, _, baud = rest.rpartition(":")
-        if not device or not baud.isdigit():
+        if not device or not (baud.isascii() and baud.isdecimal()):
             raise ValueError(f"{spec}: a serial line is serial:DEVICE:BAUD, as serial:/dev/ttyUSB0:115200")
         return Serial(device, int(baud))
     path = Path(spec)
@@ -301,7 +324,7 @@ def open_source(spec: str, *, wait: float = 10.0) -> Source:
 
 
 def _port(text: str, spec: str) -> int:
-    if not text.isdigit() or not 0 < int(text) < 65536:
+    if not (text.isascii() and text.isdecimal()) or not 0 < int(text) < 65536:
         raise ValueError(f"{spec}: a port is a number from 1 to 65535, got {text!r}")
     return int(text)
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import importlib
 import json
+import math
 import signal
 import sys
 import threading
@@ -30,53 +33,86 @@ ASKED = (
     "env", "filter", "particles", "set", "tags", "seed", "policy", "headings", "origin", "box", "safe", "home", "depth", "late",
     "stale", "stamp", "speed", "receiver", "vehicle", "feet", "checksum", "degrees",
 )  # fmt: skip
+DEFAULTS: dict[str, Any] = {
+    "safe": "hold", "depth": 0.0, "late": 60.0, "stamp": "receiver", "speed": 1.0, "feet": False, "checksum": True,
+    "degrees": False,
+}  # fmt: skip
+LEAST_STALE = 15.0  # [s]
 
 
 def run(options: argparse.Namespace) -> None:
     """The command."""
-    if options.resume:
-        folder = Path(options.resume)
-        asked = read_header(folder)
-        for name in ("receiver", "vehicle"):  # ports may have changed, what the mission is about may not
-            asked[name] = getattr(options, name) or asked[name]
-    else:
-        require_asked(options)
-        folder = Path(options.log)
-        asked = {name: getattr(options, name) for name in ASKED}
+    folder, asked = resume_mission(options) if options.resume else begin_mission(options)
+    if options.duration is not None and not options.duration > 0:
+        raise ValueError(f"--duration must be a positive number of seconds, got {options.duration}")
+    picture = find_picture(options.picture)
     helm, receiver_source, vehicle_source = prepare(asked)
     warm_up(asked)
+    receiver = open_source(receiver_source)  # before there is a journal: who begins again must not find one
+    vehicle = open_source(vehicle_source)
+    folder.mkdir(parents=True, exist_ok=True)
+    journal = Journal(folder / JOURNAL_FILE, fresh=not options.resume)
+    last = -math.inf
     if options.resume:
         mend(folder / JOURNAL_FILE)
-        count = replay_journal(folder / JOURNAL_FILE, helm)
+        count, last = replay_journal(folder / JOURNAL_FILE, helm)
         print(f"resumed after {count} lines", file=sys.stderr)
     else:
-        folder.mkdir(parents=True, exist_ok=True)
-    journal = Journal(folder / JOURNAL_FILE, fresh=not options.resume)
-    if not options.resume:
         journal.note({"mission": asked, "format": FORMAT})
-    receiver = open_source(receiver_source)
-    vehicle = open_source(vehicle_source)
-    loop = Loop(helm, journal, receiver, vehicle, clock=make_clock(asked["speed"]), speed=asked["speed"], json_lines=options.json)
-    loop.picture = Path(options.picture) if options.picture else None
+    clock = make_clock(asked["speed"], least=last)
+    loop = Loop(helm, journal, receiver, vehicle, clock=clock, speed=asked["speed"], json_lines=options.json)
+    loop.picture = picture
     try:
         loop.run(options.duration)
     finally:
         journal.close()
         receiver.close()
         vehicle.close()
-    counts = describe_counts(helm.counts + (helm.tracker.counts if helm.tracker else helm.counts.__class__()))
-    print(f"{helm.fixes} fixes, {helm.heard_lines} lines of the receiver; dropped: {counts}", file=sys.stderr)
-    print(f"go on: python -m live steer --resume {folder}", file=sys.stderr)
+        dropped = helm.dropped + receiver.counts + vehicle.counts
+        told = [f"{helm.fixes} fixes, {helm.heard_lines} lines of the receiver; dropped: {describe_counts(dropped)}"]
+        told += [f"go on: python -m live steer --resume {folder}"]
+        with contextlib.suppress(OSError):
+            print("\n".join(told), file=sys.stderr)
 
 
-def require_asked(options: argparse.Namespace) -> None:
-    """Raise ValueError for what a new mission cannot do without."""
+def begin_mission(options: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """Folder and header of a new mission. Raises ValueError for what it cannot do without."""
     for name in ("env", "policy", "receiver", "vehicle", "tags", "log"):
         if getattr(options, name) is None:
             raise ValueError(f"a new mission needs --{name}; one that was begun goes on with --resume DIR")
     path = Path(options.log) / JOURNAL_FILE
     if path.exists():
         raise ValueError(f"{path} is there already; go on with it (--resume {options.log}), or choose another folder")
+    if Path(options.log).exists() and not Path(options.log).is_dir():
+        raise ValueError(f"--log {options.log} is a file; choose a folder")
+    given = {name: getattr(options, name) for name in ASKED}
+    return Path(options.log), {name: DEFAULTS.get(name) if value is None else value for name, value in given.items()}
+
+
+def resume_mission(options: argparse.Namespace) -> tuple[Path, dict[str, Any]]:
+    """Folder and header of a mission that goes on. Raises ValueError for options that would change what it is about."""
+    folder = Path(options.resume)
+    asked = read_header(folder)
+    for name in ASKED:
+        given = getattr(options, name)
+        if given in (None, []) or given == asked[name]:
+            continue
+        if name not in ("receiver", "vehicle"):  # whose ports may have changed
+            raise ValueError(f"--{name.replace('_', '-')} cannot be changed with --resume; begin a new mission (--log)")
+        asked[name] = given
+    if options.log is not None and Path(options.log) != folder:
+        raise ValueError(f"a mission that is resumed is logged where it was, in {folder}; leave --log out")
+    return folder, asked
+
+
+def find_picture(path: str | None) -> Path | None:
+    """Where to draw. Raises ValueError, ImportError where that cannot be."""
+    if path is None:
+        return None
+    if not Path(path).absolute().parent.is_dir():
+        raise ValueError(f"--picture {path}: there is no such folder; make it first")
+    importlib.import_module("matplotlib.figure")
+    return Path(path)
 
 
 def prepare(asked: dict[str, Any]) -> tuple[Helm, str, str]:
@@ -108,7 +144,8 @@ def make_vehicle(kind: str, *, feet: bool = False, degrees: bool = False) -> Veh
 
 
 def make_orders(asked: dict[str, Any], *, in_degrees: bool, mathematical_allowed: bool) -> Orders:
-    """What a mission is about, checked as far as it can be before it begins."""
+    """What a mission is about, checked as far as it can be before it begins. Raises ValueError."""
+    check_asked(asked)
     overrides = parse_overrides([text for group in asked["set"] for text in group], None)
     if asked["filter"] is not None:
         overrides["belief"] = asked["filter"]
@@ -119,22 +156,42 @@ def make_orders(asked: dict[str, Any], *, in_degrees: bool, mathematical_allowed
         raise ValueError("only json vehicles may tell mathematical headings; leave --headings out")
     if asked["origin"] and not in_degrees:
         raise ValueError("--origin is for vehicles that tell longitude and latitude; this one tells metres")
+    box = () if asked["box"] is None else parse_corners(asked["box"])
+    if asked["box"] is not None and not box:
+        raise ValueError("--box is empty; name its corners, or leave it out")
     origin = tuple(asked["origin"]) if asked["origin"] else None
+    if in_degrees and origin is None and box:
+        origin = (sum(corner[0] for corner in box) / len(box), sum(corner[1] for corner in box) / len(box))
+    stale = max(LEAST_STALE, 2.5 * task.scenario.time_step) if asked["stale"] is None else asked["stale"]
     return Orders(
         task=task,
         tags=tuple(asked["tags"]),
         policy=asked["policy"],
         conventions=Conventions(headings=headings, origin=origin),
-        box=parse_corners(asked["box"] or ""),
+        box=box,
         safe=asked["safe"],
         home=tuple(asked["home"]) if asked["home"] else None,
         depth=asked["depth"],
         late=asked["late"],
-        stale=asked["stale"],
+        stale=stale,
         seed=asked["seed"] or 0,
         step=task.scenario.time_step if asked["speed"] == 0 else 0.0,
         stamp=asked["stamp"],
     )
+
+
+def check_asked(asked: dict[str, Any]) -> None:
+    """Raise ValueError for a number that cannot be meant."""
+    limits = {"depth": (0.0, 11_000.0), "late": (0.0, 3600.0), "stale": (0.1, 1e9), "speed": (0.0, 1e5), "seed": (0, 2**63 - 1)}
+    for name, (least, most) in limits.items():
+        value = asked[name]
+        if value is not None and not least <= value <= most:
+            raise ValueError(f"--{name} must be from {least:g} to {most:g}, got {value}")
+    if asked["particles"] is not None and asked["particles"] < 1:
+        raise ValueError(f"--particles must be at least 1, got {asked['particles']}")
+    for name in ("home", "origin"):
+        if asked[name] and not all(map(math.isfinite, asked[name])):
+            raise ValueError(f"--{name} must be two numbers, got {asked[name]}")
 
 
 def _divide(spec: str, known: Any, option: str) -> tuple[str, str]:
@@ -145,10 +202,13 @@ def _divide(spec: str, known: Any, option: str) -> tuple[str, str]:
     return kind, source
 
 
-def make_clock(speed: float) -> Callable[[], float]:
-    """The host's clock, which never jumps; of simulated vehicles one that runs faster, alike in all processes since midnight."""
+def make_clock(speed: float, *, least: float = -math.inf) -> Callable[[], float]:
+    """The host's clock, which never jumps, and is never before ``least`` [s].
+
+    Of simulated vehicles it runs faster, alike in all processes since midnight.
+    """
     if speed in (0.0, 1.0):
-        begun, at = time.time(), time.monotonic()
+        begun, at = max(time.time(), least), time.monotonic()
         return lambda: begun + (time.monotonic() - at)
     midnight = time.time() // DAY * DAY
     return lambda: midnight + speed * (time.time() - midnight)
@@ -162,19 +222,35 @@ def read_header(folder: Path) -> dict[str, Any]:
     first = next(read_events(path), None)
     if first is None or first.get("format") != FORMAT or not isinstance(first.get("mission"), dict):
         raise ValueError(f"{path} does not begin as a journal of this version; begin a new mission")
-    if missing := [name for name in ASKED if name not in first["mission"]]:
+    asked = dict(first["mission"])
+    if missing := [name for name in ASKED if name not in asked]:
         raise ValueError(f"{path} does not say {missing[0]}; begin a new mission")
-    return dict(first["mission"])
+    texts = ("env", "policy", "receiver", "vehicle", "safe", "stamp")
+    numbers = ("particles", "seed", "depth", "late", "stale", "speed")
+    wrong = [name for name in texts if not isinstance(asked[name], str)]
+    wrong += [name for name in numbers if not (asked[name] is None or type(asked[name]) in (int, float))]
+    wrong += [] if _is_list(asked["tags"], str) and asked["tags"] else ["tags"]
+    wrong += [] if isinstance(asked["set"], list) and all(_is_list(group, str) for group in asked["set"]) else ["set"]
+    wrong += [name for name in ("home", "origin") if not (asked[name] is None or _is_list(asked[name], (int, float)))]
+    if wrong:
+        raise ValueError(f"{path} is damaged: it begins with {wrong[0]} = {asked[wrong[0]]!r:.80}; begin a new mission")
+    return asked
 
 
-def replay_journal(path: Path, helm: Helm) -> int:
-    """Let all that came before come again, and send nothing. Returns the number of lines."""
-    count = 0
+def _is_list(value: Any, kind: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(each, kind) and not isinstance(each, bool) for each in value)
+
+
+def replay_journal(path: Path, helm: Helm) -> tuple[int, float]:
+    """Let all that came before come again, and send nothing. Returns the number of lines, and the last one's time [s]."""
+    count, last = 0, -math.inf
     for event in read_events(path):
+        if "t" in event:
+            last = max(last, event["t"])
         if "from" in event:
             count += 1
             handle(helm, event["from"], event["line"].encode("latin-1"), event["t"])
-    return count
+    return count, last
 
 
 def handle(helm: Helm, who: str, line: bytes, now: float) -> Order | None:
@@ -219,22 +295,38 @@ class Loop:
         self.helm, self.journal, self.receiver, self.vehicle = helm, journal, receiver, vehicle
         self.clock, self.speed, self.json_lines, self.tells = clock, speed, json_lines, tell
         self.picture: Path | None = None
-        self._stopped = False
+        self._stopped = self._journal_broken = False
         self._asked = self._told = self._drawn = -1e9
         self._track: list[tuple[float, float]] = []  # where the vehicle said it was, a place a second, in metres
 
     def run(self, duration: float | None) -> None:
         """Until it is stopped, nothing will come any more, or so many seconds have passed."""
         begun = time.monotonic()
-        former = signal.signal(signal.SIGTERM, self.stop) if threading.current_thread() is threading.main_thread() else None
+        former: dict[int, Any] = {}
+        if threading.current_thread() is threading.main_thread():
+            former = {number: signal.signal(number, self.stop) for number in (signal.SIGTERM, signal.SIGHUP)}
         try:
             while not (self._stopped or self._over(begun, duration)):
                 self._turn()
         except KeyboardInterrupt:
             pass
         finally:
-            if former is not None:
-                signal.signal(signal.SIGTERM, former)
+            self._leave()
+            for number, handler in former.items():
+                signal.signal(number, handler)
+
+    def _leave(self) -> None:
+        """However it ends, the vehicle is told to stop: nobody will look after its last order."""
+        now = self.clock()
+        order = self.helm.stop(now)
+        if order is None:
+            return
+        data = self.helm.vehicle.order(order)
+        with contextlib.suppress(OSError):
+            if not self._journal_broken:
+                self._note("to", "vehicle", data, now, safe="end")
+            self.vehicle.write(data)
+            self.journal.sync()
 
     def stop(self, *_: Any) -> None:
         """End ``run`` soon."""
@@ -273,12 +365,14 @@ class Loop:
         if wall - self._told < TELL:
             return
         self._told = wall
+        self.journal.sync()
         now = self.clock()
         order = self.helm.watch(now)
         if order is not None:
             self._send(self.helm.vehicle.order(order), now, safe=self.helm.reason)
         if self.tells:
-            self._tell(now)
+            with contextlib.suppress(OSError):  # whoever read it has gone
+                self._tell(now)
         if self.helm.tracker is not None and self.helm.fixes:
             pose = self.helm.tracker.pose
             self._track = [*self._track[-20_000:], (pose.x, pose.y)]
@@ -294,12 +388,8 @@ class Loop:
         try:
             self.journal.note({"t": now, way: who, "line": line.decode("latin-1"), **more})
         except OSError as error:  # nothing may follow from what is not written down
-            order = self.helm.act_safely(now, "no journal")
-            if order is not None:
-                self.vehicle.write(self.helm.vehicle.order(order))
-            told = "" if order is None else f"; the vehicle was told to {self.helm.orders.safe}"
-            reason = error.strerror or error
-            raise OSError(f"{self.journal.path} cannot be written ({reason}){told}; make room and --resume") from None
+            self._journal_broken = True
+            raise OSError(f"{self.journal.path} cannot be written ({error.strerror or error}); make room and --resume") from None
 
     def _send(self, data: bytes, now: float, **more: str) -> None:
         self._note("to", "vehicle", data, now, **more)
@@ -315,7 +405,7 @@ class Loop:
         if self.json_lines:
             print(json.dumps(status), file=sys.stderr, flush=True)
             return
-        end = "\r" if sys.stderr.isatty() else "\n"
+        end = "\x1b[K\r" if sys.stderr.isatty() else "\n"
         print(describe(status), end=end, file=sys.stderr, flush=True)
 
     def _draw(self) -> None:
@@ -323,8 +413,14 @@ class Loop:
 
         helm, picture = self.helm, self.picture
         if helm.tracker is not None and helm.fixes and picture is not None:
-            told = picture, list(self._track), helm.tracker.last_estimates()
-            threading.Thread(target=draw_chart, args=told, daemon=True).start()
+            told = picture, list(self._track), helm.tracker.in_metres(helm.tracker.last_estimates())
+            threading.Thread(target=try_to_draw, args=(draw_chart, told), daemon=True).start()
+
+
+def try_to_draw(draw: Callable[..., None], told: tuple[Any, ...]) -> None:
+    """A picture that cannot be drawn costs no mission."""
+    with contextlib.suppress(Exception):
+        draw(*told)
 
 
 def describe(status: dict[str, Any]) -> str:
@@ -335,7 +431,7 @@ def describe(status: dict[str, Any]) -> str:
     for tag in status.get("tags", []):
         since = tag["heard_s_ago"]
         heard = "never heard" if since is None else f"heard {since:.0f} s ago"
-        parts.append(f"{tag['tag']} {heard}, {tag['x']:g}, {tag['y']:g} +-{tag['sd']:g} m{' LOST' if tag['lost'] else ''}")
+        parts.append(f"{tag['tag']} {heard}, {tag['x']:.10g}, {tag['y']:.10g} +-{tag['sd']:g} m{' LOST' if tag['lost'] else ''}")
     if "course" in status:
         why = f" ({status['reason']})" if status["reason"] else ""
         parts.append(f"course {status['course']:g} speed {status['speed']:g}{why}")

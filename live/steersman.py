@@ -46,6 +46,8 @@ def make_steersman(policy: PolicyLike, believer: Believer, task: Task) -> Steers
         return None
     if isinstance(policy, (str, Path)):
         policy = _find_policy(str(policy), believer, task)
+    if not hasattr(policy, "predict"):
+        raise ValueError(f"a policy is a baseline's name, the folder of a run, or something with predict, got {policy!r:.60}")
     return Steersman(policy)
 
 

@@ -30,6 +30,7 @@ import numpy as np
 from tagtrack.envs.belief.filter import require_sensible
 from tagtrack.envs.measurement import Status, measurement
 from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.sensors.bearing import LARGEST_UNIT
 from tagtrack.envs.task import Task, build_task
 from tagtrack.live.believer import Believer
 from tagtrack.live.conventions import Conventions
@@ -84,6 +85,7 @@ class Ping(NamedTuple):
     status: Status
     arrival: float  # by the receiver's clock, since the beginning [s]
     readings: list[float]
+    depth: float | None = None  # of the tag below the vehicle, where it was told [m]
 
 
 class Tracker:
@@ -127,6 +129,11 @@ class Tracker:
         late: float = 60.0,
         stale: float | None = None,
     ) -> None:
+        if isinstance(tags, str):
+            raise ValueError(f"tags is a list of names, got {tags!r}; write [{tags!r}]")
+        for name, key in (("seed", seed), ("episode", episode)):
+            if isinstance(key, bool) or not isinstance(key, (int, np.integer)) or not 0 <= key < 2**63:
+                raise ValueError(f"{name} must be a whole number of at least 0, got {key!r}")
         made = build_task(task)
         changes: dict[str, Any] = {} if particles is None else {"belief.particles": particles}
         if tags is not None:
@@ -170,10 +177,9 @@ class Tracker:
         Raises:
             ValueError: for a number that is not finite, or a clock that goes back or leaps.
         """
-        given = {"t": t, "x": x, "y": y, "heading": heading, "speed": speed}
-        for name, value in given.items():
-            if value is not None:
-                require_sensible(value, f"navigation: {name}")
+        t, x, y = (_number(value, f"navigation: {name}") for name, value in (("t", t), ("x", x), ("y", y)))
+        heading = None if heading is None else _number(heading, "navigation: heading")
+        speed = None if speed is None else _number(speed, "navigation: speed")
         east, north = self.conventions.place_in(x, y)
         begins = math.isnan(self._start)
         time = 0.0 if begins else self._since_start(t)
@@ -216,11 +222,10 @@ class Tracker:
         Raises:
             ValueError: for an unknown tag or reading, one that is missing or not finite, a clock that leaps.
         """
-        require_sensible(t, f"tag {tag!r}: t")
+        t = _number(t, f"tag {tag!r}: t")
         place, values = self._find(tag), self._values(tag, heard, readings)
-        for name, value in (("depth", depth), ("arrival", arrival)):
-            if value is not None:
-                require_sensible(value, f"tag {tag!r}: {name}")
+        depth = None if depth is None else _number(depth, f"tag {tag!r}: depth", least=0.0)
+        arrival = None if arrival is None else _number(arrival, f"tag {tag!r}: arrival")
         if math.isnan(self._start):
             self.counts["before the first navigation"] += 1
             return False
@@ -237,10 +242,8 @@ class Tracker:
             self.counts["doubled"] += 1
             return False
         bisect.insort(earlier, time)
-        if depth is not None:
-            self._depth[place] = float(depth)
         came = math.nan if not heard else time if arrival is None else arrival - self._start
-        ping = Ping(time, Status.HEARD if heard else Status.MISSED, came, values)
+        ping = Ping(time, Status.HEARD if heard else Status.MISSED, came, values, depth)
         if time > self._step * self.time_step + SAME_TIME:
             bisect.insort(self._waiting[place], ping)
         else:
@@ -271,6 +274,20 @@ class Tracker:
         self.advance(t)
         return self.last_estimates()
 
+    def in_metres(self, estimates: Sequence[Estimate]) -> list[Estimate]:
+        """The same, with places in metres whatever the mission's units."""
+        found = []
+        for each in estimates:
+            x, y = self.conventions.place_in(each.x, each.y)
+            best_x, best_y = self.conventions.place_in(each.best_x, each.best_y)
+            found.append(dataclasses.replace(each, x=x, y=y, best_x=best_x, best_y=best_y))
+        return found
+
+    @property
+    def waiting(self) -> int:
+        """Pings that no step has counted yet."""
+        return sum(map(len, self._waiting))
+
     def last_estimates(self) -> list[Estimate]:
         """As ``estimates``, of the last step."""
         now = self._start + self._step * self.time_step
@@ -284,8 +301,7 @@ class Tracker:
         """
         if math.isnan(self._start):
             raise RuntimeError("the tracker begins with the first navigation")
-        require_sensible(t, "t")
-        until = self._since_start(t)
+        until = self._since_start(_number(t, "t"))
         while (self._step + 1) * self.time_step <= until + SAME_TIME:
             self._advance()
 
@@ -316,18 +332,23 @@ class Tracker:
     def _values(self, tag: Hashable, heard: bool, given: Mapping[str, float]) -> list[float]:
         """Readings in the sensor's order, NaN where it does not need one that is missing."""
         receiver = self.task.scenario.belief.receiver
-        readings = {SYNONYMS.get(name, name): value for name, value in given.items() if not math.isnan(value)}
+        limits = {"slant_range": (0.0, math.inf), "units": (-LARGEST_UNIT, LARGEST_UNIT)}
+        readings = {}
+        for name, value in given.items():
+            own = SYNONYMS.get(name, name)
+            least, most = limits.get(own, (-math.inf, math.inf)) if own in receiver.readings else (-math.inf, math.inf)
+            if value is None or (isinstance(value, float) and math.isnan(value)):
+                continue
+            readings[own] = _number(value, f"tag {tag!r}: {name}", least=least, most=most)
         unknown = [name for name in readings if name not in receiver.readings]
         if unknown:
-            reads = ", ".join(receiver.readings) or "nothing but that a tag is heard"
-            raise ValueError(f"tag {tag!r}: a {type(receiver).__name__} reads {reads}, got {unknown[0]}")
+            reads = ", ".join(map(_told_as, receiver.readings)) or "nothing but that a tag is heard"
+            raise ValueError(f"tag {tag!r}: a {type(receiver).__name__} reads {reads}, got {_told_as(unknown[0])}")
         if not heard:
             return []
         missing = [receiver.readings[k] for k in receiver.weighed if receiver.readings[k] not in readings]
         if missing:
-            raise ValueError(f"tag {tag!r}: a {type(receiver).__name__} needs {missing[0]}")
-        for name, value in readings.items():
-            require_sensible(value, f"tag {tag!r}: {name}")
+            raise ValueError(f"tag {tag!r}: a {type(receiver).__name__} needs {_told_as(missing[0])}")
         return [float(readings.get(name, math.nan)) for name in receiver.readings]
 
     def _made_good(self, last: Pose | None, time: float, x: float, y: float) -> tuple[float, float]:
@@ -367,6 +388,8 @@ class Tracker:
         now = begin
         for ping in pings:
             belief.predict(self.time_step if (now, ping.time) == (begin, end) else ping.time - now)
+            if ping.depth is not None:
+                self._depth[place] = ping.depth
             belief.correct(self._measure(place, ping))
             now = ping.time
 
@@ -380,8 +403,9 @@ class Tracker:
 
     def _measure(self, place: int, ping: Ping) -> np.ndarray:
         pose = self._pose_at(ping.time)
+        depth = self._depth[place] if ping.depth is None else ping.depth
         return measurement(
-            time=ping.time, x=pose.x, y=pose.y, heading=pose.heading, tag=place, depth=self._depth[place], status=ping.status,
+            time=ping.time, x=pose.x, y=pose.y, heading=pose.heading, tag=place, depth=depth, status=ping.status,
             arrival=ping.arrival, readings=ping.readings,
         )  # fmt: skip
 
@@ -439,3 +463,20 @@ class Tracker:
             tag=self.tags[place], time=now, x=x, y=y, covariance=covariance, best_x=best_x, best_y=best_y,
             heard=self._start + arrival, lost=math.isnan(arrival) or spread > self.task.scenario.lost_error,
         )  # fmt: skip
+
+
+def _number(value: Any, what: str, *, least: float = -math.inf, most: float = math.inf) -> float:
+    """A number that can be meant. Raises ValueError that names the value."""
+    try:
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{what} must be a number, got {value!r:.60}") from None
+    require_sensible(found, what)
+    if not least <= found <= most:
+        raise ValueError(f"{what} must be from {least:g} to {most:g}, got {found:g}")
+    return found
+
+
+def _told_as(reading: str) -> str:
+    """What logs call a sensor's reading."""
+    return next((name for name, own in SYNONYMS.items() if own == reading), reading)

@@ -90,8 +90,7 @@ class Goby(VehicleLink):
             raise BadLine(f"no {missing[0]}")
         return Fix(
             None,
-            number(values["LON"], "LON", least=-180.0, most=360.0),
-            number(values["LAT"], "LAT", least=-90.0, most=90.0),
+            *_place(values["LON"], values["LAT"]),
             number(values["HEADING"], "HEADING", least=-360.0, most=360.0),
             number(values["SPEED"], "SPEED", least=-FASTEST, most=FASTEST),
         )
@@ -142,8 +141,7 @@ class Iver(VehicleLink):
         heading = number(fields[14], "heading", least=0.0, most=360.0) if fields[14] else self._compass
         return Fix(
             None,
-            number(fields[5], "longitude", least=-180.0, most=360.0),
-            number(fields[4], "latitude", least=-90.0, most=90.0),
+            *_place(fields[5], fields[4]),
             heading,
             number(fields[6], "speed", least=-FASTEST, most=FASTEST) * KNOT,
         )
@@ -218,6 +216,14 @@ def _pairs(text: str) -> tuple[str, dict[str, str]]:
     if len(set(names)) < len(names):
         raise BadLine("a field is told twice")
     return kind.strip().upper(), {name: value.strip() for name, (_, _, value) in zip(names, pairs, strict=True)}
+
+
+def _place(longitude: str, latitude: str) -> tuple[float, float]:
+    """Degrees. Raises BadLine, also for 0, 0, which receivers of satellites tell as long as they see none."""
+    place = number(longitude, "longitude", least=-180.0, most=360.0), number(latitude, "latitude", least=-90.0, most=90.0)
+    if place == (0.0, 0.0):
+        raise BadLine("no position yet")
+    return place
 
 
 def is_order_sane(order: Order) -> bool:

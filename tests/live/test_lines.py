@@ -81,7 +81,7 @@ BAD = [
     (Iver(), COMPASS[:-3], "no checksum"),
     (Iver(), nmea("ACK,9,0,26").strip(), "the vehicle refused: error 26"),
     (Goby(), b"NAV,LAT:42,LON:10,HEADING:260", "no SPEED"),
-    (Goby(), b"NAV,LAT:142,LON:10,HEADING:260,SPEED:1", "LAT out of range"),
+    (Goby(), b"NAV,LAT:142,LON:10,HEADING:260,SPEED:1", "latitude out of range"),
     (Goby(), b"NAV,LAT:42,LAT:43,LON:10,HEADING:260,SPEED:1", "told twice"),
     (Goby(), b"CMD,RESULT:ERROR", "the vehicle refused"),
     (JsonVehicle(), b'{"lon": 1, "lat": 2}', "degrees where metres are expected"),

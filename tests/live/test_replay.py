@@ -110,14 +110,14 @@ def test_arrivals_become_ranges_by_a_calibration(tmp_path: Path, live: Live) -> 
     judged = json.loads((tmp_path / "out" / "summary.json").read_text())["tags"]["27"]["against_reference"]
     assert judged["median_error_m"] < 8.0
     status, _, error = live("replay", *files, "--env", "TimeOfFlight-v0", "--out", tmp_path / "out")
-    assert status == 2 and "a TimeOfFlightReceiver needs slant_range" in error
+    assert status == 2 and "a TimeOfFlightReceiver needs range" in error
 
 
 BAD = [
     ((), "say which task's filter to use"),
     (("--env", "Leopard-v0"), "unknown"),
     (("--env", "RangeOnly-v0", "--tags", "8"), "tag 8 is not in this mission; the log has 7"),
-    (("--env", "LeopardShark-v0"), "reading at t=10: tag '7': a StereoHydrophone needs units"),
+    (("--env", "LeopardShark-v0"), "reading at t=10: tag '7': a StereoHydrophone needs bearing_units"),
     (("--env", "RangeOnly-v0", "--reference", "none.csv"), "no reference track file none.csv"),
     (("--env", "RangeOnly-v0", "--reference", "far.csv"), "has no time in common with the log"),
     (("--env", "RangeOnly-v0", "--compare", "kalman"), "unknown filter 'kalman'; known: standard"),

@@ -154,9 +154,9 @@ def test_doubled_and_late_lines_are_dropped_and_counted() -> None:
 
 BAD = {
     "tag": (lambda t: t.hear(1e9, "C", bearing_units=1.0), "tag 'C' is not in this mission; its tags are A, B"),
-    "missing": (lambda t: t.hear(1e9, "A"), "tag 'A': a StereoHydrophone needs units"),
-    "other sensor": (lambda t: t.hear(1e9, "A", range=3.0), "reads units, strength, got slant_range"),
-    "huge": (lambda t: t.hear(1e9, "A", bearing_units=1e300), "tag 'A': units must be within"),
+    "missing": (lambda t: t.hear(1e9, "A"), "tag 'A': a StereoHydrophone needs bearing_units"),
+    "other sensor": (lambda t: t.hear(1e9, "A", range=3.0), "reads bearing_units, strength, got range"),
+    "huge": (lambda t: t.hear(1e9, "A", bearing_units=1e300), "tag 'A': bearing_units must be within"),
     "time": (lambda t: t.hear(math.nan, "A", bearing_units=1.0), "tag 'A': t must be finite, got nan"),
     "place": (lambda t: t.navigate(1e9, math.inf, 0.0), "navigation: x must be finite, got inf"),
     "back": (lambda t: t.navigate(1e9 - 5, 0.0, 0.0), "navigation goes back in time, from 1000000000 to 999999995 s"),
