@@ -73,8 +73,9 @@ def printable_name(text: str, column: str) -> str:
 class CsvTable:
     """An open csv file: the fields of its first line, and then its rows, once. Lines ``# name: value`` before are ``remarks``."""
 
-    def __init__(self, path: Path, lines: Iterator[str]) -> None:
+    def __init__(self, path: Path, lines: Iterator[str], *, ragged: bool = False) -> None:
         self.path = path
+        self.ragged = ragged
         self._reader = csv.reader(lines, strict=True)
         self.columns: tuple[str, ...] = ()  # none: an empty file
         self.remarks: dict[str, str] = {}
@@ -128,14 +129,20 @@ class CsvTable:
                 block, lines = self._even_out(block, lines)
             yield block, lines
 
+    def raw(self) -> Iterator[tuple[list[str], int]]:
+        """Rows of whatever length, with the line on which each ends."""
+        for fields in self._guarded():
+            yield fields, self._reader.line_num
+
     def _even_out(self, block: list[list[str]], lines: Sequence[int]) -> tuple[list[list[str]], Sequence[int]]:
         """A block without blank lines, and without empty fields past the last column."""
         width = len(self.columns)
         kept = [index for index, fields in enumerate(block) if fields]
         for index in kept:
             got = len(block[index])
-            if got < width or any(block[index][width:]):
+            if (got < width and not self.ragged) or any(block[index][width:]):
                 raise ValueError(f"{self.path}: line {lines[index]}: expected {width} fields as in line 1, got {got}")
+            block[index] += [""] * (width - got)
         return [block[index][:width] for index in kept], [lines[index] for index in kept]
 
     def _guarded(self) -> Iterator[list[str]]:
@@ -154,11 +161,12 @@ def _line_ends(fields: Sequence[str]) -> int:
 
 
 @contextmanager
-def open_csv(path: str | Path, kind: str, columns: Sequence[str]) -> Iterator[CsvTable]:
+def open_csv(path: str | Path, kind: str, columns: Sequence[str], *, ragged: bool = False) -> Iterator[CsvTable]:
     """Open a csv file, plain or gzip.
 
     Args:
         kind: what it is (track) and the columns it should have, for the message where there is none.
+        ragged: rows may end before the last columns, which are then empty.
     Raises:
         FileNotFoundError: where there is no such file.
         ValueError: if it is no csv text.
@@ -172,7 +180,7 @@ def open_csv(path: str | Path, kind: str, columns: Sequence[str]) -> Iterator[Cs
         content = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if packed else file
         # Bytes that are not UTF-8 become lone surrogates: harmless in a column nobody reads, refused in a name.
         text = io.TextIOWrapper(content, encoding="utf-8-sig", errors="surrogateescape", newline="")
-        yield CsvTable(path, _lines(path, text))
+        yield CsvTable(path, _lines(path, text), ragged=ragged)
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:

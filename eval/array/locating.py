@@ -17,7 +17,7 @@ from tagtrack.baselines.static_array.matching import array_window, match_pings, 
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
-from tagtrack.eval.array.reading import read_aloud
+from tagtrack.eval.array.reading import fit_names, read_aloud
 from tagtrack.eval.telemetry import ReceiverPlaces
 
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
@@ -100,11 +100,8 @@ class LocateOptions:
         Raises:
             ValueError: for files that disagree, naming the names they have.
         """
-        detections = read_aloud(self.detections)
+        detections = fit_names(read_aloud(self.detections), places.names, self.receivers)
         common = [name for name in detections.receivers if name in places.names]
-        if not common:
-            there = shorten(detections.receivers)
-            raise ValueError(f"no receiver of {self.receivers} ({shorten(places.names)}) is in the detections ({there})")
         if len(common) < 3:
             heard = shorten(tuple(common))
             raise ValueError(f"a position takes three receivers; of {self.receivers} only {heard} heard anything")

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from tagtrack.baselines.static_array.detections import Detections
+import numpy as np
+
+from tagtrack.baselines.static_array.detections import Detections, shorten
 from tagtrack.baselines.static_array.model import Floats
 from tagtrack.eval.telemetry import Plane, read_receivers, read_telemetry
 
@@ -16,6 +19,38 @@ def read_aloud(paths: Sequence[Path]) -> Detections:
     for remark in reading.remarks:
         print(f"note: {remark}")
     return reading.detections
+
+
+def fit_names(detections: Detections, names: Sequence[str], source: Path) -> Detections:
+    """The detections under the names that a table gives receivers: by serial number alone, or with the model before it.
+
+    Says which receivers are in one of both only, and how many detections that leaves out.
+
+    Raises:
+        ValueError: where no receiver is in both.
+    """
+    known = set(names)
+    by_serial = {name.rpartition("-")[2]: name for name in names}
+    fitted = []
+    for name in detections.receivers:
+        other = by_serial.get(name.rpartition("-")[2])
+        one_is_bare = other is not None and (other == name.rpartition("-")[2] or name == other.rpartition("-")[2])
+        free = other not in detections.receivers
+        fitted.append(other if name not in known and one_is_bare and free and other is not None else name)
+    if len(set(fitted)) < len(fitted):
+        fitted = list(detections.receivers)
+    heard = [name for name in names if name in fitted]
+    if not heard:
+        there = shorten(detections.receivers)
+        raise ValueError(f"no receiver of {source} ({shorten(tuple(names))}) is in the detections ({there})")
+    strange = [place for place, name in enumerate(fitted) if name not in known]
+    if strange:
+        count = int(np.isin(detections.receiver, strange).sum())
+        listed = shorten(tuple(fitted[place] for place in strange))
+        print(f"note: {count} detections of {listed} are left out: not in {source}")
+    if silent := [name for name in names if name not in fitted]:
+        print(f"note: no detections of {shorten(tuple(silent))}")
+    return replace(detections, receivers=tuple(fitted))
 
 
 def read_places(path: Path | None) -> tuple[dict[str, Floats], Plane | None]:

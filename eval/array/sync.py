@@ -14,7 +14,7 @@ import tyro
 from tagtrack.baselines.static_array.clocks import Synchronization, SyncSetting, correct, synchronize
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.baselines.static_array.model import Floats
-from tagtrack.eval.array.reading import read_aloud, read_places
+from tagtrack.eval.array.reading import fit_names, read_aloud, read_places
 from tagtrack.eval.array.sync_plot import plot_residuals
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
@@ -70,6 +70,8 @@ class Sync:
         places, plane = read_places(self.receivers)
         sync_tags = read_sync_tags(self.sync_tags, plane)
         detections = read_aloud(self.detections)
+        if self.receivers is not None:
+            detections = fit_names(detections, tuple(places), self.receivers)
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
         with progress_bar(pairs + 1, unit="pairs") as advance:
             found = synchronize(detections, sync_tags, places, setting, reference=self.reference, progress=advance)

@@ -4,6 +4,7 @@ import csv
 import gzip
 import io
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.eval import telemetry
+from tagtrack.eval.array.reading import fit_names
 from tagtrack.eval.telemetry import read_detections, read_telemetry, write_detections
 from tagtrack.eval.telemetry.layouts import BLOCK
 
@@ -138,9 +140,9 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("", ": line 1 must name the columns t_unix_s,receiver,tag (or those of a VUE or GLATOS export), got nothing"),
-        ("time,id\n1,2\n", " (or those of a VUE or GLATOS export), got time,id"),
-        ("t_unix_s;receiver;tag\n1;R;a\n", "got t_unix_s;receiver;tag"),
+        ("", ": line 1 must name the columns t_unix_s,receiver,tag (or those of an export of VUE, Fathom, GLATOS, OTN, "),
+        ("time,id\n1,2\n", "ETN, Thelma or actel), got time,id"),
+        ("t_unix_s;receiver;tag\n1;R;a\n", ": fields are divided by semicolons; save it as csv with commas"),
         ("t_unix_s,receiver,tag,tag\n1,R,a,b\n", ": line 1 names tag twice"),
         (HEAD, " holds no detections; give one row for each"),
         (HEAD + "1,R,a\nsoon,R,a\n", ": line 3: the time must be in seconds since 1970, got 'soon'"),
@@ -152,7 +154,7 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
         (HEAD + "1,,a\n", ": line 2: receiver must not be empty"),
         (HEAD + "1,R, \n", ": line 2: tag must not be empty"),
         (HEAD.encode() + b"1,R,\xf8\n", r": line 2: tag must be printable text in UTF-8, got '\udcf8'"),
-        (HEAD + "1,R\n", ": line 2: expected 3 fields as in line 1, got 2"),
+        (HEAD + "1,R\n", ": line 2: tag must not be empty"),
         (HEAD + "1560034372,16,BS1,a\n", ": line 2: expected 3 fields as in line 1, got 4"),
         (HEAD + '1,"R,a\n2,R,a\n', ": line 3: not a csv text file"),
         (HEAD + '1,R,"two\nlines"\n2,R,\n', r": line 3: tag must be printable text in UTF-8, got 'two\nlines'"),
@@ -162,11 +164,13 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
         (gzip.compress(OWN.encode())[:-12], ": damaged gzip file after line "),
         (gzip.compress(OWN.encode())[:20] + bytes(40), ": damaged gzip file after line 0"),
         (VUE.replace("(UTC)", "(UTC-05:00)"), "export times in UTC"),
-        (VUE.replace("2019-09-09 16:04:12.574", "9/9/2019 16:04"), ": line 3: the time must be in UTC from 1970 on, like 2019"),
+        (VUE.replace("2019-09-09 16:04:12.574", "9/9/2019 16:04"), ": line 3: the time has no seconds, as a spreadsheet"),
+        (VUE.replace("2019-09-09 16:04:12.574", "2019-09-09"), ": line 3: a date without a time of day, as a spreadsheet"),
+        (VUE.replace("16:04:12.574", "16:04:12.574+02:00"), ": line 3: the time must be in UTC, not in another zone"),
         (VUE.replace("2019-09-09 16:04", "2019-02-30 16:04"), "got '2019-02-30 16:04:12.574'"),
         (VUE.replace("2019-09-09 16:04", "1969-09-09 16:04"), "got '1969-09-09 16:04:12.574'"),
         (GLATOS.replace("59334", ""), ": line 3: tag must not be empty"),
-        ("VEMCO DATA LOG,2.0.0,vdat-9\nRECORD TYPE,FIELD\n", ": a Fathom (VDAT) log; export with VUE, or write t_unix_s,"),
+        ("VEMCO DATA LOG,2.0.0,vdat-9\nRECORD TYPE,FIELD\n", ": a Fathom log without the line DET_DESC"),
         ("# Tag ID = 1\n1,a\n", ": begins with a comment; only files detections_RECEIVER_TAG.txt may"),
     ],
 )
@@ -299,3 +303,79 @@ def test_memory_stays_within_a_few_times_the_arrays(tmp_path, monkeypatch):
 def test_field_data_have_the_rows_their_readme_says(tagtrack_data, name, rows):
     reading = read_telemetry([tagtrack_data / name])
     assert (reading.rows, reading.duplicates, reading.remarks) == (rows, 0, [])
+
+
+# One row of what public tools and portals hand out, and the receiver and tag that it tells of.
+TABLES = {
+    "VUE, short rows": (
+        "Date and Time (UTC),Receiver,Transmitter,Transmitter Name,Station Name,Latitude\n"
+        "2024-05-01 10:00:00.101,VR2W-7,A69-1602-5,,S1\n", "VR2W-7", "A69-1602-5",
+    ),
+    "ISO": ("Date and Time (UTC),Receiver,Transmitter\n2024-05-01T10:00:00.101Z,VR2W-7,A69-1602-5\n", "VR2W-7", "A69-1602-5"),
+    "offset": ("Date and Time (UTC),Receiver,Transmitter\n2024-05-01 10:00:00.101000+00:00,R,5\n", "R", "5"),
+    "Fathom log": (
+        "VEMCO DATA LOG,2.0.0,vdat-11\nRECORD TYPE,FIELD,FIELD\n"
+        "DET_DESC,Device Time (UTC),Time,Time Offset (h),Model,Serial Number,Full ID\nTEMP_DESC,Device Time (UTC)\n"
+        "TEMP,2024-05-01 09:00:00\nDET,2024-05-01 10:00:03.5,2024-05-01 10:00:00.101,,HR2-180,7,H180-1702-5\n",
+        "7", "H180-1702-5",
+    ),
+    "Fathom table": (
+        "Device Time (UTC),Time,Time Offset (h),Model,Serial Number,Full ID,ID\n2024-05-01 10:00:00.101,,,HR2,7,H180-1702-5,5\n",
+        "7", "H180-1702-5",
+    ),
+    "OTN": (
+        "collectionCode,dateCollectedUTC,receiver,tagName,codeSpace\nX,2024-05-01 10:00:00.101,7,A69-9001-5,A69-9001\n"
+        "X,2024-05-01 00:00:00,release,A69-9001-6,A69-9001\n", "7", "A69-9001-5",
+    ),
+    "OTN, old": (
+        "receiver,tagname,datecollected,timezone\n7,A69-9001-5,2024-05-01 10:00:00.101,UTC\n",
+        "7", "A69-9001-5",
+    ),
+    "ETN": (
+        "detection_id,date_time,acoustic_tag_id,receiver_id\n1,2024-05-01T10:00:00.101Z,A69-1206-5,VR2W-7\n",
+        "VR2W-7", "A69-1206-5",
+    ),
+    "actel": (
+        "Timestamp,Receiver,CodeSpace,Signal\n2024-05-01 10:00:00.101,7,R64K,4001\n",
+        "7", "R64K-4001",
+    ),
+    "Thelma": (
+        "Date and Time (UTC),CodeType,TBR Serial Number,Id,Data\n2024-05-01T10:00:00.101Z,S64K,735,4001,-\n",
+        "735", "S64K-4001",
+    ),
+    "Thelma, new": (
+        "Date and Time (UTC),Protocol,Receiver,ID,Data\n2024-05-01 10:00:00.101,R64K,735,4001,-\n",
+        "735", "R64K-4001",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_columns_are_known_by_what_vendors_and_portals_call_them(tmp_path, name):
+    content, receiver, tag = TABLES[name]
+    (tmp_path / "d.csv").write_text(content, encoding="utf-8-sig")
+    found = read_detections([tmp_path / "d.csv"])
+    assert (found.receivers[found.receiver[0]], found.tags[found.tag[0]]) == (receiver, tag)
+    assert found.time.tolist() == [1714557600.101]
+
+
+def test_nine_digits_of_a_second_are_read_and_other_zones_refused(tmp_path):
+    path = tmp_path / "d.csv"
+    path.write_text("Date and Time (UTC),Receiver,Transmitter\n2024-05-01 10:00:00.101234567,R,5\n")
+    assert read_detections([path]).time[0] == pytest.approx(1714557600.101234567, abs=3e-7)
+    path.write_text("receiver,tagname,datecollected,timezone\n7,A,2024-05-01 10:00:00,America/Halifax\n")
+    with pytest.raises(ValueError, match="line 2: times must be in UTC, got timezone 'America/Halifax'"):
+        read_detections([path])
+
+
+def test_receivers_go_by_serial_or_by_model_and_serial_and_strangers_are_named(capsys):
+    detections = Detections(
+        time=np.arange(4.0), receiver=np.array([0, 0, 1, 2], np.int32), tag=np.zeros(4, np.int32),
+        receivers=("VR2W-100001", "100002", "VR2W-100009"), tags=("A",),
+    )  # fmt: skip
+    fitted = fit_names(detections, ["100001", "VR2AR-100002", "100003"], Path("r.csv"))
+    assert fitted.receivers == ("100001", "VR2AR-100002", "VR2W-100009")
+    shown = capsys.readouterr().out
+    assert "1 detections of VR2W-100009 are left out: not in r.csv" in shown and "no detections of 100003" in shown
+    with pytest.raises(ValueError, match="no receiver of r.csv .* is in the detections"):
+        fit_names(detections, ["7"], Path("r.csv"))
