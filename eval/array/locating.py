@@ -66,7 +66,7 @@ class LocateOptions:
     """Which detections, by which receivers, and how."""
 
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
-    """Detections on corrected clocks: csv or csv.gz (t_unix_s,receiver,tag), VUE or GLATOS exports, or folders of text files."""
+    """Detections on corrected clocks: csv (t_unix_s,receiver,tag), exports of VUE, Fathom, GLATOS, OTN ..., or folders."""
     receivers: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """csv with columns receiver,x,y [m] or receiver,lon,lat [degrees]; detections by receivers not in it are left out."""
     tags: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ID ...", help_behavior_hint="(all)")] = ()

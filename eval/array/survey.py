@@ -39,7 +39,7 @@ class Survey:
     """
 
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
-    """Files of detections: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
+    """Files of detections: csv with columns t_unix_s,receiver,tag, or exports of VUE, Fathom, GLATOS, OTN ..."""
     sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """csv with columns tag,receiver: the receiver that a sync tag hangs beside; if several hang beside one, all are used."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]

@@ -38,7 +38,7 @@ class Sync:
     """
 
     detections: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="FILE ...")]
-    """Files of detections on the receivers' own clocks: csv with columns t_unix_s,receiver,tag, or exports of VUE or GLATOS."""
+    """Files of detections on the receivers' own clocks: csv (t_unix_s,receiver,tag), exports of VUE, Fathom, GLATOS, OTN ..."""
     sync_tags: Annotated[Path, tyro.conf.arg(metavar="FILE")]
     """csv with columns tag,receiver,x,y: the receiver that a tag hangs beside, and its place [m] (or lon,lat); may be empty."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]

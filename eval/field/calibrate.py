@@ -12,6 +12,7 @@ import numpy as np
 import rich
 import tyro
 
+from tagtrack.baselines.static_array.detections import time_resolution
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
 from tagtrack.eval.field.arrivals import Arrivals, read_arrivals
 from tagtrack.eval.field.calibration import TAU, TICK, Calibration, Differences, Kind, calibrate
@@ -22,6 +23,7 @@ from tagtrack.eval.report import as_console_table, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
+COARSEST = 0.005  # step of arrivals that tell of a clock [s]: 7.5 m of sound
 OWN_FILES = ("calibration.json", "differences.png")
 
 TITLES: Mapping[Kind, str] = {
@@ -62,6 +64,12 @@ class Calibrate:
         heard = read_arrivals(self.arrivals)
         code = self.choose_code(heard)
         arrival = heard.of_code(code)
+        step = time_resolution(arrival)
+        if step > COARSEST:
+            raise ValueError(
+                f"{self.arrivals}: all times are multiples of {step:g} s, of which no clock can be calibrated; export them in "
+                "milliseconds"
+            )
         try:
             calibration = calibrate(arrival, self.nominal_period, tau=self.tau, resolution=self.resolution)
         except ValueError as error:

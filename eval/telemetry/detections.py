@@ -62,7 +62,8 @@ def read_telemetry(paths: Sequence[Path]) -> Reading:
 
     Args:
         paths: csv files, plain or gzip, with columns ``t_unix_s,receiver,tag`` (seconds since 1970) among any others, or as
-            exported by VEMCO VUE or GLATOS; or folders in the form of the RESNEP campaign: ``..._BS1/detections_BS1_TAG.txt``.
+            exported by VUE, Fathom, GLATOS, OTN, ETN, Thelma or actel (``layouts.py``); or folders in the form of the RESNEP
+            campaign: ``..._BS1/detections_BS1_TAG.txt``.
     Raises:
         ValueError: for a file that is none of these or holds no detection, and for a row without a finite time from 1970
             on, a receiver and a tag; names file and line.

@@ -157,3 +157,12 @@ def test_the_picture_of_a_record_with_a_gap_of_hours_shows_the_rest():
     _, wide = plot_differences(calibrate(arrival)).axes
     assert wide.get_xlim()[1] < 25.0
     assert sum(bar.get_height() for bar in wide.patches) == 17
+
+
+def test_whole_seconds_tell_of_no_clock(evaluate, tmp_path, monkeypatch):
+    """A period of 3.99979 s, exported in whole seconds, would look like 4 s with a standard error of 7e-8 s."""
+    monkeypatch.chdir(tmp_path)
+    times = [round(1000.0 + 3.99979 * k) for k in range(400)]
+    (tmp_path / "whole.csv").write_text("t_s,code\n" + "".join(f"{time},7\n" for time in times))
+    status, _, error = evaluate("calibrate", "--arrivals", "whole.csv")
+    assert status == 2 and "all times are multiples of 1 s, of which no clock can be calibrated" in error
