@@ -24,6 +24,7 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
 COARSEST = 0.005  # step of arrivals that tell of a clock [s]: 7.5 m of sound
+ENOUGH = 20  # arrivals that are not all multiples of it by chance
 OWN_FILES = ("calibration.json", "differences.png")
 
 TITLES: Mapping[Kind, str] = {
@@ -65,7 +66,7 @@ class Calibrate:
         code = self.choose_code(heard)
         arrival = heard.of_code(code)
         step = time_resolution(arrival)
-        if step > COARSEST:
+        if step > COARSEST and arrival.size >= ENOUGH:
             raise ValueError(
                 f"{self.arrivals}: all times are multiples of {step:g} s, of which no clock can be calibrated; export them in "
                 "milliseconds"
