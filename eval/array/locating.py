@@ -17,7 +17,7 @@ from tagtrack.baselines.static_array.matching import array_window, match_pings, 
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
-from tagtrack.eval.array.reading import fit_names, read_aloud
+from tagtrack.eval.array.reading import by_deployment, fit_names, read_aloud
 from tagtrack.eval.telemetry import ReceiverPlaces
 
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
@@ -100,15 +100,15 @@ class LocateOptions:
         Raises:
             ValueError: for files that disagree, naming the names they have.
         """
-        detections = fit_names(read_aloud(self.detections), places.names, self.receivers)
-        common = [name for name in detections.receivers if name in places.names]
+        detections = fit_names(read_aloud(self.detections), tuple(dict.fromkeys(places.called)), self.receivers)
+        common = [name for name in detections.receivers if name in places.called]
         if len(common) < 3:
             heard = shorten(tuple(common))
             raise ValueError(f"a position takes three receivers; of {self.receivers} only {heard} heard anything")
         missing = [tag for tag in self.tags if tag not in detections.tags]
         if missing:
             raise ValueError(f"no detection of tag {missing[0]!r}; there are {shorten(detections.tags)}")
-        return _by_place(detections, places)
+        return by_deployment(detections, places)
 
     def locate(self, detections: Detections, places: ReceiverPlaces, averaging: Averaging | None = None) -> Iterator[Located]:
         """Each tag in turn."""
@@ -141,20 +141,6 @@ class LocateOptions:
             sigma=setting.sigma,
             removed=cleaned.impossible,
         )
-
-
-def _by_place(detections: Detections, places: ReceiverPlaces) -> Detections:
-    """The same detections with the receivers numbered as ``places`` has them, without those that it does not name."""
-    number = np.array([places.names.index(name) if name in places.names else -1 for name in detections.receivers], dtype=np.int32)
-    receiver = number[detections.receiver]
-    kept = receiver >= 0
-    return Detections(
-        time=detections.time[kept],
-        receiver=receiver[kept],
-        tag=detections.tag[kept],
-        receivers=places.names,
-        tags=detections.tags,
-    )
 
 
 def _of_at_least(pings: Pings, receivers: int) -> Pings:

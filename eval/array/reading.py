@@ -10,7 +10,7 @@ import numpy as np
 
 from tagtrack.baselines.static_array.detections import Detections, shorten
 from tagtrack.baselines.static_array.model import Floats
-from tagtrack.eval.telemetry import Plane, read_receivers, read_telemetry
+from tagtrack.eval.telemetry import Plane, ReceiverPlaces, read_receivers, read_telemetry
 
 
 def read_aloud(paths: Sequence[Path]) -> Detections:
@@ -53,11 +53,39 @@ def fit_names(detections: Detections, names: Sequence[str], source: Path) -> Det
     return replace(detections, receivers=tuple(fitted))
 
 
+def by_deployment(detections: Detections, places: ReceiverPlaces) -> Detections:
+    """The detections with the receivers numbered as ``places`` has them, at the place where each stood then.
+
+    Without those by receivers that are not there, and, after a note, by ones that did not stand anywhere at that time.
+    """
+    receiver = np.full(len(detections.time), -1, np.int32)
+    strange = np.zeros(len(detections.time), bool)
+    for number, name in enumerate(detections.receivers):
+        own = detections.receiver == number
+        rows = [k for k, called in enumerate(places.called) if called == name]
+        for k in rows:
+            start, stop = places.periods[k] if places.periods else (-np.inf, np.inf)
+            receiver[own & (detections.time >= start) & (detections.time < stop)] = k
+        strange |= own & (receiver < 0) & bool(rows)
+    if strange.any():
+        print(f"note: {int(strange.sum())} detections are left out: their receivers were not deployed then")
+    kept = receiver >= 0
+    return Detections(
+        time=detections.time[kept],
+        receiver=receiver[kept],
+        tag=detections.tag[kept],
+        receivers=places.names,
+        tags=detections.tags,
+    )
+
+
 def read_places(path: Path | None) -> tuple[dict[str, Floats], Plane | None]:
     """Places (2,) [m] of receivers by name, none without a file, and the plane of those that were in degrees."""
     if path is None:
         return {}, None
     known = read_receivers(path)
+    if moved := [name for name, serial in zip(known.names, known.called, strict=True) if name != serial]:
+        raise ValueError(f"{path}: {moved[0]}: here each receiver has one place; give its deployments one at a time")
     return dict(zip(known.names, known.position, strict=True)), known.plane
 
 

@@ -6,9 +6,11 @@ what is in metres has another origin, and is never put beside what is in degrees
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from tagtrack.baselines.static_array.detections import Floats, shorten
 from tagtrack.baselines.static_array.travel import SyncTag
 from tagtrack.envs.csv_table import CsvTable, Row, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
+from tagtrack.eval.telemetry.layouts import utc_seconds
 from tagtrack.live.plane import Plane, check_geodetic, degree_columns, position_columns
 
 Pair = tuple[str, str]
@@ -26,16 +29,29 @@ RECEIVER_COLUMNS = ("receiver", *METRES)
 OWN_TAG_COLUMNS = ("tag", "receiver")
 SYNC_TAG_COLUMNS = (*OWN_TAG_COLUMNS, *METRES)
 REFERENCE_COLUMNS = ("tag", *METRES)
+# Columns of deployment tables that tell when a receiver stood where it is said to, in small letters alone.
+STARTS = ("start", "deploydatetime", "deploymentstart", "deploydate", "deployed", "from", "begin")
+STOPS = ("stop", "recoverdatetime", "deploymentend", "recoverdate", "recovered", "until", "end", "to")
 LONGEST_BRIDGE = 120.0  # [s] between two rows of a reference track: a boat or a vehicle does much in two minutes
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverPlaces:
-    """R receivers: ``names``, and ``position`` (R, 2) [m] in ``plane``: None where a file gave x and y without saying of what."""
+    """R receivers: ``names``, and ``position`` (R, 2) [m] in ``plane``: None where a file gave x and y without saying of what.
+
+    A receiver that was put down anew stands there once for each time, as ``R0`` and ``R0 (2)``.
+    """
 
     names: tuple[str, ...]
     position: Floats
     plane: Plane | None = None
+    serials: tuple[str, ...] = ()  # what detections call each; the names if empty
+    periods: tuple[tuple[float, float], ...] = ()  # from when to when each stood there [s]; always if empty
+
+    @property
+    def called(self) -> tuple[str, ...]:
+        """What detections call each receiver."""
+        return self.serials or self.names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,29 +83,74 @@ class Reference:
 def read_receivers(path: str | Path) -> ReceiverPlaces:
     """Receivers in the order of a csv with columns ``receiver`` and ``x,y`` [m in any plane], others ignored.
 
-    Or else, without x and y, ``lon,lat`` or ``longitude,latitude`` [degrees, WGS84]: in the plane about their mean.
+    Or else, without x and y, ``lon,lat`` or ``longitude,latitude`` [degrees, WGS84]: in the plane about their mean. With columns
+    ``start,stop`` (UTC, or seconds since 1970; empty: open) a receiver may have several rows, one for each deployment.
 
     Raises:
-        ValueError: for missing columns, no rows, a name that is empty or given twice, a coordinate that is no finite number,
-            degrees there are none of; names file and line. Or for receivers over 100 km from their mean.
+        ValueError: for missing columns, no rows, a name that is empty or given twice at one time, a coordinate that is no finite
+            number, degrees there are none of; names file and line. Or for receivers over 100 km from their mean.
         ImportError: for longitude and latitude without pymap3d.
         FileNotFoundError: where there is no such file.
     """
     places: dict[str, Floats] = {}
+    deployments: dict[str, list[tuple[float, float]]] = {}
+    serials: list[str] = []
     with open_csv(path, "receiver", RECEIVER_COLUMNS) as table:
         _require_places(table, RECEIVER_COLUMNS)
-        axes = position_columns(table.columns)
-        for row in table.rows(("receiver", *axes)):
+        axes, period = position_columns(table.columns), _period_columns(table.columns)
+        for row in table.rows(("receiver", *axes, *(period or ()))):
             if not row.field["receiver"].strip():
                 raise ValueError(f"{row.where}: receiver must not be empty; leave out rows of moorings without a receiver")
-            places[_new_name(row, "receiver", places)] = _coordinates(row, axes)
+            serial = row.name("receiver") if period else _new_name(row, "receiver", places)
+            earlier = deployments.setdefault(serial, [])
+            if period:
+                earlier.append(_new_period(row, period, serial, earlier))
+            serials.append(serial)
+            places[serial if len(earlier) < 2 else f"{serial} ({len(earlier)})"] = _coordinates(row, axes)
     if not places:
         raise ValueError(f"{path} holds no receivers; give one row for each")
-    names, position = tuple(places), np.array(list(places.values()))
+    taken = {serial: iter(each) for serial, each in deployments.items()}
+    whole = ReceiverPlaces(
+        names=tuple(places),
+        position=np.array(list(places.values())),
+        serials=tuple(serials),
+        periods=tuple(next(taken[serial]) for serial in serials) if period else (),
+    )
     if axes == METRES:
-        return ReceiverPlaces(names=names, position=position)
-    plane = Plane.amid(position)
-    return ReceiverPlaces(names=names, position=_lay(position, plane, path), plane=plane)
+        return whole
+    plane = Plane.amid(whole.position)
+    return replace(whole, position=_lay(whole.position, plane, path), plane=plane)
+
+
+def _period_columns(columns: Sequence[str]) -> tuple[str, str] | None:
+    """Which columns tell from when to when a receiver stood at its place."""
+    by_name = {re.sub(r"[^a-z]", "", name.lower()): name for name in columns}
+    found = [next((by_name[name] for name in names if name in by_name), None) for names in (STARTS, STOPS)]
+    return None if found[0] is None or found[1] is None else (found[0], found[1])
+
+
+def _new_period(row: Row, columns: tuple[str, str], serial: str, earlier: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """From when to when [s]. Raises ValueError for a time that is none, or deployments of one receiver at one time."""
+    times = []
+    for column, open_end in zip(columns, (-math.inf, math.inf), strict=True):
+        text = row.field[column].strip()
+        if not text or text.upper() in ("NA", "NULL"):
+            times.append(open_end)
+            continue
+        try:
+            times.append(float(text) if text.replace(".", "", 1).isdigit() else _seconds_of(text))
+        except ValueError as error:
+            raise ValueError(f"{row.where}: {column}: {error}") from None
+    start, stop = times
+    if not start < stop:
+        raise ValueError(f"{row.where}: {columns[0]} {row.field[columns[0]]} must be before {columns[1]} {row.field[columns[1]]}")
+    if any(start < other_stop and other_start < stop for other_start, other_stop in earlier):
+        raise ValueError(f"{row.where}: receiver {serial!r} is given twice at one time; correct {columns[0]} and {columns[1]}")
+    return start, stop
+
+
+def _seconds_of(text: str) -> float:
+    return float(utc_seconds([f"{text} 00:00:00" if len(text) == len("2019-09-09") else text])[0])
 
 
 def read_sync_tags(path: str | Path, plane: Plane | None = None) -> list[SyncTag]:

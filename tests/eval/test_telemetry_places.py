@@ -5,6 +5,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tagtrack.baselines.static_array.detections import Detections
+from tagtrack.eval.array.reading import by_deployment
 from tagtrack.eval.telemetry import Plane, read_own_tags, read_receivers, read_reference, read_sync_tags
 
 READERS = {"receiver": read_receivers, "sync": read_sync_tags, "reference": read_reference, "own": read_own_tags}
@@ -215,3 +217,25 @@ def test_receivers_of_the_field_are_read_and_a_table_of_moorings_says_what_it_la
 def test_the_boat_of_the_field_is_a_reference(tagtrack_data):
     reference = read_reference(tagtrack_data / "ssu1" / "gps_track.csv")
     np.testing.assert_allclose(reference.position("15266", [1568052138.5]), [[526073.2845, 2771146.771]], atol=1e-6)
+
+
+def test_a_receiver_that_was_put_down_anew_stands_where_it_stood_then(tmp_path, capsys):
+    path = tmp_path / "r.csv"
+    path.write_text("receiver,x,y,start,stop\nR0,0,0,2024-04-01,2024-05-01\nR0,40,0,2024-05-01 12:00:00,\nR1,200,0,,2024-06-01\n")
+    places = read_receivers(path)
+    assert places.names == ("R0", "R0 (2)", "R1") and places.called == ("R0", "R0", "R1")
+    april, noon, may, june = 1713960000.0, 1714550000.0, 1714600000.0, 1717300000.0
+    times = np.array([april, april, noon, may, may, june])
+    receiver = np.array([0, 1, 0, 0, 1, 1], np.int32)
+    heard = Detections(time=times, receiver=receiver, tag=np.zeros(6, np.int32), receivers=("R0", "R1"), tags=("A",))
+    found = by_deployment(heard, places)
+    assert found.receiver.tolist() == [0, 2, 1, 2] and found.time.tolist() == [april, april, may, may]
+    assert "2 detections are left out: their receivers were not deployed then" in capsys.readouterr().out
+    for rows, message in (
+        ("R0,0,0,2024-04-01,2024-05-02\nR0,1,1,2024-05-01,\n", "line 3: receiver 'R0' is given twice at one time"),
+        ("R0,0,0,2024-05-01,2024-04-01\n", "line 2: start 2024-05-01 must be before stop 2024-04-01"),
+        ("R0,0,0,May,\n", "line 2: start: the time must be in UTC"),
+    ):
+        path.write_text("receiver,x,y,start,stop\n" + rows)
+        with pytest.raises(ValueError, match=message):
+            read_receivers(path)
