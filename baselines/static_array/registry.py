@@ -39,10 +39,22 @@ METHODS: Mapping[str, Estimator] = MappingProxyType(
 )
 
 
+TRACKERS = {"map": maximum_a_posteriori, "map_m": map_marginal}  # that may weigh by agreement with the track, too
+
+
 def locate(
-    method: str, pings: Pings, receivers: ArrayLike, setting: ArraySetting, *, information: Floats | None = None
+    method: str,
+    pings: Pings,
+    receivers: ArrayLike,
+    setting: ArraySetting,
+    *,
+    information: Floats | None = None,
+    robust: bool = False,
 ) -> Positions:
     """Positions of K pings by a method of ``METHODS``; none for no pings.
+
+    Args:
+        robust: let the track of ``map`` and ``map_m`` weigh arrivals that disagree with it less.
 
     Raises:
         ValueError: for an unknown method, listing those there are, receivers that are not (R, 2) or (R, 3), arrivals that are not
@@ -51,4 +63,6 @@ def locate(
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
     check_pings(pings, check_receivers(receivers))
+    if robust and method in TRACKERS:
+        return TRACKERS[method](pings, receivers, setting, information=information, robust=True)
     return METHODS[method](pings, receivers, setting, information=information)

@@ -12,6 +12,7 @@ import tyro
 from numpy.typing import NDArray
 
 from tagtrack.baselines.static_array.averaging import average_pings, number_by_count, number_by_time
+from tagtrack.baselines.static_array.consensus import agree
 from tagtrack.baselines.static_array.detections import Detections, shorten
 from tagtrack.baselines.static_array.matching import array_window, match_pings, remove_impossible
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
@@ -20,6 +21,7 @@ from tagtrack.baselines.static_array.registry import METHODS, locate
 from tagtrack.eval.array.reading import by_deployment, fit_names, read_aloud
 from tagtrack.eval.telemetry import ReceiverPlaces
 
+HARDY = ("pf", "yaps")  # methods that weigh arrivals which disagree by themselves
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
 
 
@@ -127,11 +129,17 @@ class LocateOptions:
         )
         if self.sigma is None:
             setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)
+        agreement = agree(pings, receivers, setting)
+        if self.method not in HARDY:
+            pings = _of_at_least(agreement.pings, self.min_receivers) if not averaging else agreement.pings
         information, count = None, np.ones(len(pings.time), dtype=np.int64)
         if averaging:
             blocks = average_pings(pings, averaging.number(pings, self.min_receivers), setting.sigma, averaging.systematic)
             pings, information, count = blocks.pings, blocks.information, blocks.count
-        positions = locate(self.method, pings, receivers, setting, information=information)
+        positions = locate(self.method, pings, receivers, setting, information=information, robust=averaging is None)
+        misfit = agree(pings, receivers, setting).misfit if not averaging else np.full(len(pings.time), np.nan)
+        if self.method not in HARDY:
+            positions = widen(positions, misfit)
         return Located(
             tag=tag,
             heard=heard,
@@ -141,6 +149,12 @@ class LocateOptions:
             sigma=setting.sigma,
             removed=cleaned.impossible,
         )
+
+
+def widen(positions: Positions, misfit: Floats) -> Positions:
+    """Covariances (K, n, n) by the square of a misfit (K,) above 1: what disagrees tells less than its arrivals say."""
+    factor = np.where(misfit > 1.0, misfit, 1.0) ** 2
+    return Positions(position=positions.position, covariance=positions.covariance * factor[:, None, None])
 
 
 def _of_at_least(pings: Pings, receivers: int) -> Pings:
