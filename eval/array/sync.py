@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import rich
 import tyro
 
+from tagtrack.baselines.static_array.clock_steps import synchronize_in_pieces, under_original_names
 from tagtrack.baselines.static_array.clocks import Synchronization, SyncSetting, correct, synchronize
 from tagtrack.baselines.static_array.detections import Detections
 from tagtrack.baselines.static_array.model import Floats
@@ -74,7 +77,11 @@ class Sync:
             detections = fit_names(detections, tuple(places), self.receivers)
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
         with progress_bar(pairs + 1, unit="pairs") as advance:
-            found = synchronize(detections, sync_tags, places, setting, reference=self.reference, progress=advance)
+
+            def run(some: Detections, where: Mapping[str, Floats]) -> Synchronization:
+                return synchronize(some, sync_tags, where, setting, reference=self.reference, progress=advance)
+
+            found, detections, steps = synchronize_in_pieces(detections, places, run)
         document = {
             "detections_files": [str(path) for path in self.detections],
             "sync_tags_file": str(self.sync_tags),
@@ -84,11 +91,13 @@ class Sync:
             "segment_days": self.segment_days,
             "largest_offset_s": self.largest_offset,
             **sync_document(found, detections),
+            "steps": [dataclasses.asdict(step) for step in steps],
             "versions": collect_versions(),
         }
         print_sync(document)
         with replace_results(self.out, OWN_FILES) as folder:
-            write_detections(folder / "detections.csv.gz", correct(detections, found.models))
+            corrected = under_original_names(correct(detections, found.models), steps)
+            write_detections(folder / "detections.csv.gz", corrected)
             write_json(folder / "clocks.json", document)
             save_figure(folder / "residuals.png", plot_residuals(found))
         print(f"written: {self.out}")
@@ -165,6 +174,10 @@ def print_sync(document: Mapping[str, Any]) -> None:
     for clock in document["clocks"]:
         if clock["outliers"] > MANY_OUTLIERS * clock["points"]:
             print(f"note: {clock['outliers']} outliers of {clock['receiver']}: a clock that jumps or bends? Try --segment-days")
+    for step in document["steps"]:
+        when = datetime.fromtimestamp(step["after"], timezone.utc)
+        text = f"note: the clock of {step['original']} steps by {step['size']:.4f} s after {when:%Y-%m-%d %H:%M:%S}, by itself"
+        print(f"{text}; from then on it is {step['receiver']} above")
     for name, reason in document["excluded"].items():
         print(f"no clock for {name}: it {reason}")
     if document["detections_left_out"]:

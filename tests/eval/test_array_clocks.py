@@ -156,3 +156,29 @@ def test_survey_says_in_one_line_what_is_wrong(evaluate, tmp_path):
     status, _, err = evaluate("array", "survey", *arguments, "--out", "out")
     assert (status, err) == (2, "error: --reference must hold two of R0, R1, R2, R3; it holds R7, R8\n")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("step", [0.05, -2.0])
+def test_a_clock_that_was_set_anew_is_found_and_no_detection_is_wrong_by_it(evaluate, step):
+    """The clock of R2 steps after six hours: two clocks, and its own pings lie where sound takes them, before and after."""
+    rows = [line.split(",") for line in open("raw.csv").read().splitlines()[1:]]
+    middle = START + 6 * 3600.0 + OFFSET[2]
+    moved = [(float(t) + step * (r == "R2" and float(t) > middle), r, tag) for t, r, tag in rows]
+    write("raw.csv", "t_unix_s,receiver,tag", sorted(moved))
+    status, out, err = evaluate(*SYNC, "--receivers", "places.csv", "--out", "out")
+    assert (status, err) == (0, "")
+    assert "the clock of R2 steps by" in out and "from then on it is R2 (2) above" in out
+    (found,) = json.loads(open("out/clocks.json").read())["steps"]
+    assert found["size"] == pytest.approx(step, abs=0.02) and abs(found["after"] - middle) < 800.0
+    corrected = read_detections(["out/detections.csv.gz"])
+    assert "R2 (2)" not in corrected.receivers
+    own = {name: corrected.time[(corrected.receiver == k) & (corrected.tag == corrected.tags.index("T2"))]
+           for k, name in enumerate(corrected.receivers)}  # fmt: skip
+    travel = np.hypot(*(PLACES[2] - PLACES[0])) / SPEED
+    gaps = np.array([own["R0"][np.abs(own["R0"] - t).argmin()] - t for t in own["R2"]])
+    assert np.abs(gaps - travel).max() < 2e-3
+
+
+def test_smooth_clocks_have_no_steps(evaluate):
+    assert evaluate(*SYNC, "--receivers", "places.csv", "--out", "out")[0] == 0
+    assert json.loads(open("out/clocks.json").read())["steps"] == []
