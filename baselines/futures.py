@@ -3,7 +3,7 @@
 The fish of a future is one of the particles and swims as the belief supposes; the tag pings on as it was heard to; where the
 vehicle truly is, its compass, currents, clocks and the state of the water are drawn about what it believes. Of water, receiver
 and vehicle the futures have what the scenario says. Different moves are tried in the same futures. (A teammate's own belief,
-and packets under way, are taken over as they are.)
+packets under way, and how deep a tag is below the vehicle are taken over as they are.)
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Futures:
                 action = np.array(action)
                 action[moved] = self._aim.steer(observation[moved], action[moved], angle, other)
             simulation.step(action.reshape(simulation.num_worlds, fleet, -1))
-            total += simulation.error.mean(axis=(1, 2))
+            total += mean_error(simulation)
         return total.reshape(self.shape)
 
     def _imagine(self, world: int, vehicle: int) -> None:
@@ -97,7 +97,9 @@ class Futures:
             own[...] = state
         if thins:  # drawn by the weights that they carried
             simulation.worlds.carried[...] = 1.0
-            simulation.worlds.beliefs["best"] = 0
+            for name in ("beliefs", "past_beliefs"):
+                getattr(simulation.worlds, name)["best"] = 0
+            simulation.worlds.past_carried[...] = 1.0
         simulation.outputs.observation[...] = source.outputs.observation[world]
         simulation.worlds.clock["seed"] = self._for_all(self._generator.integers(0, 2**62, self.shape[1], dtype=np.uint64))
         self._draw_vehicles(world)
@@ -180,6 +182,16 @@ class Futures:
         met["noisy"] = self._generator.random(met.shape) < chance
         met["clock_error"] = self.scenario.receiver.clock_sigma * self._generator.standard_normal(met.shape)
         self.simulation.worlds.encounters[...] = self._for_all(met)
+
+
+def mean_error(simulation: Simulation) -> np.ndarray:
+    """(B,) error [m], mean over tags and over the beliefs of vehicles that take part; of all where none does any more."""
+    error = simulation.error.mean(axis=2)
+    if error.shape[1] == 1:
+        return error[:, 0]
+    part = ~simulation.worlds.vehicles["gone"]
+    part = part | ~part.any(axis=1, keepdims=True)
+    return (error * part).sum(axis=1) / part.sum(axis=1)
 
 
 def take_rows(state: Any, rows: np.ndarray, count: int) -> Any:

@@ -21,6 +21,7 @@ from tagtrack.baselines.sharing import choose_in_turn, rate_tags
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.validation import require
 
+LARGEST = 10_000  # pings, courses or particles: more would take for ever
 INTRUSION_COST = 1000.0  # nats per metre, so that a perimeter outweighs any information
 
 
@@ -68,7 +69,7 @@ class Information(InformedHeuristic):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("horizon", "courses", "sample"):
-            require(getattr(self, name) >= 1, self, name, "a whole number of at least 1")
+            require(1 <= getattr(self, name) <= LARGEST, self, name, f"a whole number of at least 1 and at most {LARGEST}")
         require(self.hold > 0, self, "hold", "positive")
         require(self.watch > 0, self, "watch", "positive")
         for name in ("perimeter", "per_metre"):

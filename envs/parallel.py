@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -185,6 +186,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         if not self.agents:
             raise ResetNeeded("the episode has ended; call reset")
         present = ", ".join(self.agents)
+        if not isinstance(actions, Mapping):
+            raise ValueError(f"actions must map agents to arrays, got {type(actions).__name__}; the agents are {present}")
         for agent in self.agents:
             if agent not in actions:
                 raise ValueError(f"no action for {agent}: the agents are {present}")
@@ -193,7 +196,7 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
                 left = f" has left, its battery is empty; agents are still {present}"
                 raise ValueError(f"an action for {agent!r}{left if agent in self._places else f': the agents are {present}'}")
         rest = np.zeros(self.action_spaces[self.possible_agents[0]].shape, np.float32)
-        return np.stack([np.asarray(actions.get(agent, rest), np.float32) for agent in self.possible_agents])
+        return np.stack([_as_action(agent, actions.get(agent, rest), rest.shape) for agent in self.possible_agents])
 
     def state(self) -> np.ndarray:
         """(V * D,) float32: the observations of all possible agents, zeros for those that have left."""
@@ -223,6 +226,19 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         if self._picture is not None:
             self._picture.close()
         self.simulation.close()
+
+
+def _as_action(agent: str, action: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """One agent's action. Raises ValueError that names the agent."""
+    try:
+        found = np.asarray(action, np.float32)
+    except (TypeError, ValueError):
+        raise ValueError(f"the action of {agent} must be numbers, got {action!r:.80}") from None
+    if found.shape != shape:
+        raise ValueError(f"the action of {agent} must have shape {shape}, got {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"the action of {agent} must be finite, got {found.tolist()}")
+    return found
 
 
 _NAMES = {env_id: name for name, env_id in tagtrack._FLEETS.items()}  # in PettingZoo

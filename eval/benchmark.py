@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +23,7 @@ from tagtrack.eval.results_folder import default_folder, replace_results, requir
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker, SeedBlock, block_seed, trace
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
-from tagtrack.live.recording import Recorder
+from tagtrack.live.recording import MISSION_FILE, Recorder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,10 +66,14 @@ class Benchmark:
         runs = [name for name, spec in specs.items() if is_run(spec)] if self.together else []
         if self.together and len(runs) < 2:
             raise ValueError(f"--together takes at least two training runs among --policies, got {len(runs)}")
+        if not 0 <= self.record <= trial.episodes:
+            raise ValueError(f"--record must be from 0 to the {trial.episodes} episodes, got {self.record}")
         if self.record and task.scenario.vehicles > 1:
             raise ValueError(f"--record writes missions of one vehicle, got vehicles={task.scenario.vehicles}; leave it out")
         makers = find_makers(specs, task, env_id, trust=self.trust)
         out = self.out or default_folder("benchmark", env_id)
+        if self.record:
+            require_logs(out, makers)
         require_replaceable(out, OWN_FILES, "benchmark")
         with progress_bar(len(makers) * trial.episodes * task.scenario.episode_steps) as advance:
             comparison = compare(
@@ -103,16 +108,40 @@ class Benchmark:
 
     def write_logs(self, out: Path, makers: Mapping[str, Contestant], task: Task) -> None:
         """The first episodes of each policy, a folder each, in one that lies beside ``out``."""
-        asked = self.task.make_options()
+        asked, logs = self.task.make_options(), logs_of(out)
+        shutil.rmtree(logs, ignore_errors=True)
         for name, maker in makers.items():
             if isinstance(maker, Localizer):
                 continue
             for episode in range(self.record):
                 seed = block_seed(SeedBlock.BENCHMARK, self.trial.seed) + episode
-                folder = out.with_name(f"{out.name}-logs") / f"{name.replace(':', '-').replace('/', '-')}-{episode}"
+                folder = logs / f"{log_name(name)}-{episode}"
                 record_episode(
                     folder, task, maker, seed=seed, preset=asked["preset"], overrides=asked["overrides"] or {}
                 )
+
+
+def logs_of(out: Path) -> Path:
+    """Where the logs of a benchmark lie: beside its folder."""
+    return out.with_name(f"{out.name}-logs")
+
+
+def log_name(policy: str) -> str:
+    """A policy's name as that of a folder."""
+    return policy.replace(":", "-").replace("/", "-")
+
+
+def require_logs(out: Path, makers: Mapping[str, Contestant]) -> None:
+    """Refuse, before any work is done, logs that cannot be written, or that somebody else wrote."""
+    logs = logs_of(out)
+    names = [log_name(name) for name, maker in makers.items() if not isinstance(maker, Localizer)]
+    if not names:
+        raise ValueError("--record writes missions of vehicles, and none of --policies steers one; leave it out")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"--record would write two policies to {logs / twice}-0; rename a folder")
+    if logs.exists() and not (logs.is_dir() and all((entry / MISSION_FILE).is_file() for entry in logs.iterdir())):
+        raise ValueError(f"{logs} holds something else than logs of missions; choose another --out")
 
 
 def record_episode(folder: Path, task: Task, maker: PolicyMaker, *, seed: int, preset: str | None, overrides: Any) -> None:

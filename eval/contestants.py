@@ -22,7 +22,7 @@ from tagtrack.envs.task import Task
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker
 from tagtrack.eval.sb3_zip import is_zip, load_zip
 from tagtrack.eval.static_array import NAME, is_static_array, read_static_array
-from tagtrack.policies.box import LEARNED, boxed_policy
+from tagtrack.policies.box import LEARNED, boxed_policy, trained_by
 from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
@@ -82,9 +82,11 @@ def _find_maker(spec: PolicySpec, task: Task, env_id: str, *, trust: bool) -> Co
         if spec == LEARNED:
             scenario = task.scenario
             spec = boxed_policy(task.env_id, vehicles=scenario.vehicles, tags=scenario.targets)
+            print(f"note: {LEARNED} was trained by {trained_by(spec)}")
         if is_zip(str(spec)):
             if not trust:
-                raise ValueError(f"loading {spec}, of Stable-Baselines3, runs the code that is in it; add --trust if it is yours")
+                way = "benchmark takes it with --trust, if it is yours"
+                raise ValueError(f"loading {spec}, of Stable-Baselines3, runs the code that is in it; {way}")
             return _always(load_zip(Path(spec), task.scenario))
         if isinstance(spec, str) and is_baseline(spec):
             return lambda simulation: make_baseline(spec, simulation)

@@ -18,7 +18,8 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.baselines.futures import Futures
+from tagtrack.baselines.futures import PARTICLES, Futures, mean_error
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import describe_fleet
@@ -32,8 +33,9 @@ from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
 
-HELD = 10.0  # time for which a first move is held, and from one decision to the next [s]
-HORIZON = 50.0  # of a future [s]
+HELD = 5  # pings for which a first move is held, and from one decision to the next: 10 s of LeopardShark-v0
+HORIZON = 25  # pings of a future
+MOST_FUTURES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +57,7 @@ class Headroom:
     """Estimate how much better than a policy one could steer: the gain of better single moves, in imagined futures.
 
     A first-order estimate: what several better moves gain together may be more or less. Courses straight to the tag and at 45 and
-    90 degrees to that line are tried.
+    90 degrees to that line are tried, for five pings, in futures of 25 pings.
     """
 
     task: TaskOptions = field(default_factory=TaskOptions)
@@ -72,9 +74,10 @@ class Headroom:
     def run(self) -> None:
         """Run it."""
         self.trial.check()
-        for name in ("decisions", "futures"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"--{name} must be at least 1, got {getattr(self, name)}")
+        if self.decisions < 1:
+            raise ValueError(f"--decisions must be at least 1, got {self.decisions}")
+        if not 2 <= self.futures <= MOST_FUTURES or self.futures % 2:
+            raise ValueError(f"--futures must be an even number from 2 to {MOST_FUTURES}, got {self.futures}")
         task = self.task.build()
         makers = find_makers(name_contestants(self.policy), task, self.task.env_id)
         require_writable_file(self.out)
@@ -99,6 +102,9 @@ class Headroom:
             "seed": self.trial.seed,
             "decisions": self.decisions,
             "futures": self.futures,
+            "held_s": steps_of(task.scenario, HELD) * task.scenario.time_step,
+            "horizon_s": steps_of(task.scenario, HORIZON) * task.scenario.time_step,
+            "filters": min(PARTICLES, task.scenario.belief.particles),
             "fleet": describe_fleet(task.scenario),
             "versions": collect_versions(),
             "policies": {name: describe(left) for name, left in rows.items()},
@@ -127,8 +133,7 @@ def look_ahead(
         on_state: called with the number of states tried, for progress bars.
     """
     scenario = task.scenario
-    held = max(1, round(HELD / scenario.time_step))
-    horizon = max(held, round(HORIZON / scenario.time_step))
+    held, horizon = steps_of(scenario, HELD), steps_of(scenario, HORIZON)
     moments = max(1, scenario.episode_steps // held)
     generator = np.random.default_rng(seed)
     tried = min(decisions, moments)
@@ -145,6 +150,8 @@ def look_ahead(
     starts = np.ones(episodes * scenario.vehicles, bool)
     for step in range(scenario.episode_steps):
         for world, part in zip(*np.nonzero(when == step), strict=True):
+            if not simulation.worlds.navigation["active"][world, who[world, part]]:
+                continue  # it has left
             steps = min(horizon, scenario.episode_steps - step)
             cost = imagined.play(imagined_policy, memory, world, who[world, part], held=held, steps=steps)
             gain[world, part] = best_gain(cost)
@@ -154,11 +161,17 @@ def look_ahead(
         action, memory = policy.predict(observation, memory, starts, deterministic=True)
         starts = np.zeros(len(starts), bool)
         simulation.step(action.reshape(episodes, scenario.vehicles, -1))
-        error += simulation.error.mean(axis=(1, 2)) / scenario.episode_steps
+        error += mean_error(simulation) / scenario.episode_steps
     imagined.close()
     simulation.close()
     per_episode = gain.mean(axis=1) * moments * scenario.vehicles / scenario.episode_steps
     return Left(gain=per_episode, error=error)
+
+
+def steps_of(scenario: Scenario, pings: int) -> int:
+    """Steps in which so many pings come."""
+    tag = scenario.tag
+    return max(1, round(pings * max(tag.period + 0.5 * tag.random_delay, scenario.time_step) / scenario.time_step))
 
 
 def best_gain(cost: np.ndarray) -> float:
@@ -189,8 +202,9 @@ def print_headroom(document: Mapping[str, Any]) -> None:
     ]
     note = (
         f"{document['episodes']} episodes of {document['env']}, seed {document['seed']}, {document['particles']} particles, "
-        f"{document['decisions']} decisions of each, {document['futures']} futures of {HORIZON:g} s for each move, "
-        f"held {HELD:g} s; in brackets 95 % bootstrap intervals over episodes. Left is by how much better single moves "
-        f"would lower the mean error, to first order.{fleet_note(document['fleet']) if document['fleet'] else ''}"
+        f"{document['decisions']} decisions of each, {document['futures']} futures of {document['horizon_s']:g} s for each move, "
+        f"held {document['held_s']:g} s, with filters of {document['filters']} particles; in brackets 95 % bootstrap intervals "
+        "over episodes. Left is by how much better single moves would lower the mean error, to first order; with few futures the "
+        f"best move is often missed, and it comes out too low.{fleet_note(document['fleet']) if document['fleet'] else ''}"
     )
     rich.print(as_console_table(header, rows, note))

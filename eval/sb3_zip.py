@@ -38,6 +38,7 @@ def load_zip(path: Path, scenario: Scenario) -> Policy:
             f"{path} was trained on observations {observation} and actions {action}, this task has "
             f"{(len(feature_names(scenario)),)} and {(len(action_names(scenario)),)}; name the task it was trained on"
         )
+    print(f"note: {path} does not say what it was trained on; that the numbers of features and actions fit is all that is known")
     return _Model(model)
 
 
@@ -51,6 +52,8 @@ def _algorithm_of(path: Path) -> Any:
             names = archive.namelist()
     except (zipfile.BadZipFile, KeyError, ValueError, OSError) as error:
         raise ValueError(f"{path} is no model of Stable-Baselines3 ({error})") from None
+    if not isinstance(data, dict):
+        raise ValueError(f"{path} is no model of Stable-Baselines3 (its data is {type(data).__name__})")
     if "clip_range" in data:
         return sb3.PPO
     if any("ent_coef" in name for name in names) or "ent_coef_optimizer" in data or "target_entropy" in data:

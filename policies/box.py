@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 LEARNED = "learned"  # their name on command lines
@@ -17,3 +18,8 @@ def boxed_policy(env_id: str, *, vehicles: int = 1, tags: int = 1) -> Path:
         known = ", ".join(sorted(path.name for path in BOX.iterdir() if path.is_dir()))
         raise ValueError(f"no policy for {name}{kind} comes with the package, only {known}; train one, and name its folder")
     return folder
+
+
+def trained_by(folder: Path) -> str:
+    """The command that trained one of them."""
+    return str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["command"])

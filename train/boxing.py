@@ -53,4 +53,9 @@ def command_of(config: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    print(box_run(Path(sys.argv[1]), sys.argv[2]))
+    if len(sys.argv) != 3 or not sys.argv[2].replace("-", "").isalnum():
+        sys.exit("usage: python -m tagtrack.train.boxing RUN NAME   (NAME of letters, digits and hyphens)")
+    try:
+        print(box_run(Path(sys.argv[1]), sys.argv[2]))
+    except (ValueError, OSError, KeyError) as error:
+        sys.exit(f"error: {error}")

@@ -11,6 +11,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.task import Task
 from tagtrack.eval.contestants import BASELINES, is_baseline
+from tagtrack.policies.box import LEARNED, boxed_policy
 from tagtrack.policies.entities import EntityPolicy, find_entities
 from tagtrack.policies.files import load_policy
 from tagtrack.train.cloning import clone_baseline
@@ -21,6 +22,8 @@ def start_as(model: BaseAlgorithm, other: str, task: Task, *, hold: int, seed: i
     """Let a fresh model begin as a baseline, or as the policy of a run. Raises ValueError where it cannot."""
     if not isinstance(model.policy, EntityActorCritic):
         raise ValueError(f"--start {other}: only PPO of fleets begins as another; drop it, or add --vehicles")
+    if other == LEARNED:
+        other = str(boxed_policy(task.env_id, vehicles=task.scenario.vehicles, tags=task.scenario.targets))
     if is_baseline(other):
         clone_baseline(model, other, task, hold=hold, seed=seed)
     elif Path(other).is_dir():

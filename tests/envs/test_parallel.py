@@ -258,8 +258,15 @@ def test_actions_are_for_all_agents_and_no_one_else() -> None:
         fleet.step({"auv_0": rest})
     with pytest.raises(ValueError, match="an action for 'auv_2': the agents are auv_0, auv_1"):
         fleet.step({"auv_0": rest, "auv_1": rest, "auv_2": rest})
-    with pytest.raises(ValueError, match="actions must be finite"):
-        fleet.step({"auv_0": rest, "auv_1": np.array([np.nan, 0.0])})
+    for action, message in (
+        (np.array([np.nan, 0.0]), "the action of auv_1 must be finite"),
+        (np.zeros(3), r"the action of auv_1 must have shape \(2,\), got \(3,\)"),
+        ("left", "the action of auv_1 must be numbers, got 'left'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            fleet.step({"auv_0": rest, "auv_1": action})
+    with pytest.raises(ValueError, match="actions must map agents to arrays, got list"):
+        fleet.step([rest, rest])  # type: ignore[arg-type]
 
 
 def test_picture_shows_the_fleet() -> None:

@@ -308,3 +308,26 @@ def test_messages_draws_error_against_loss_slots_and_number_of_messages(tmp_path
     assert sent == {"none": 0, "perfect": 0, "loss 0": 360, "loss 0.9": 360, "slot 5 s": 720, "slot 60 s": 60}
     alone = run_eval("messages", "--vehicles", "1", *few, cwd=tmp_path)
     assert alone.returncode == 2 and "a vehicle alone has nobody to talk to, got --vehicles 1" in alone.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--record", "7"), "--record must be from 0 to the 6 episodes, got 7"),
+        (("--record", "1", "--policies", "static_array"), "none of --policies steers one"),
+        (("--record", "1", "--vehicles", "2"), "--record writes missions of one vehicle, got vehicles=2"),
+    ],
+)
+def test_logs_that_cannot_be_written_are_refused_before_anything_runs(tmp_path, options, message):
+    done = run_eval("benchmark", *SHORT, *options, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and message in done.stderr
+
+
+def test_recorded_episodes_are_logs_and_replaced_with_the_benchmark(tmp_path):
+    for policies, folders in ((("circle:7", "pursuit"), {"circle-7-0", "pursuit-0"}), (("circle",), {"circle-0"})):
+        done = run_eval("benchmark", *SHORT, "--policies", *policies, "--record", "1", "--out", "out", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert {path.name for path in (tmp_path / "out-logs").iterdir()} == folders
+    (tmp_path / "out-logs" / "mine.txt").touch()
+    done = run_eval("benchmark", *SHORT, "--policies", "circle", "--record", "1", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2 and "holds something else than logs" in done.stderr

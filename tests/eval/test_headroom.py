@@ -10,7 +10,8 @@ from tagtrack.baselines.registry import make_baseline
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.contestants import find_makers
-from tagtrack.eval.headroom import best_gain, look_ahead
+from tagtrack.eval.headroom import best_gain, look_ahead, steps_of
+from tagtrack.eval.rollout import roll_out
 from tests.eval.test_commands import read_json, run_eval
 
 
@@ -90,6 +91,22 @@ def test_more_is_left_above_lying_still_than_above_a_circle() -> None:
     assert left["stationary"] > left["circle:7"] > 0
 
 
+def test_futures_are_as_long_as_the_pings_make_them() -> None:
+    """Ten seconds held and fifty ahead where a tag pings every two; minutes where it pings every minute or so."""
+    told = {name: build_task(name).scenario for name in ("LeopardShark-v0", "AreaOnly-v0", "RangeOnly-v0")}
+    seconds = {name: [steps_of(each, pings) * each.time_step for pings in (5, 25)] for name, each in told.items()}
+    assert seconds == {"LeopardShark-v0": [10.0, 50.0], "AreaOnly-v0": [360.0, 1860.0], "RangeOnly-v0": [50.0, 250.0]}
+
+
+def test_vehicles_that_have_left_do_not_count() -> None:
+    overrides = {"episode_steps": 40, "vehicle.battery": 0.9, "vehicle.battery_spread": 0.9}
+    task = build_task("LeopardShark-v0", particles=100, vehicles=2, modem="none", overrides=overrides)
+    maker = find_makers({"circle": "circle"}, task, task.env_id)["circle"]
+    left = look_ahead(task, maker, episodes=6, decisions=2, futures=8, seed=0)
+    own = roll_out(task, maker, episodes=6, seed=0).error.mean(axis=1)
+    np.testing.assert_allclose(left.error, own, rtol=1e-6)
+
+
 def test_rows_of_a_memory_are_taken_whatever_its_shape() -> None:
     rows = np.array([1, 1])
     taken = take_rows((np.arange(3), (np.eye(3),)), rows, 3)
@@ -112,7 +129,8 @@ def test_the_command_prints_and_writes_what_is_left(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--futures", "7"), "an even number"),
+        (("--futures", "7"), "--futures must be an even number from 2 to 4096, got 7"),
+        (("--futures", "1e12"), "--futures must be an even number"),
         (("--decisions", "0"), "--decisions must be at least 1"),
         (("--policies", "static_array:200"), "steers no vehicle"),
     ],

@@ -20,7 +20,7 @@ def test_a_model_takes_part_beside_baselines(tmp_path: Path, evaluate, name: str
     ALGORITHMS[name]("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, **small).save(tmp_path / "model.zip")
     options = ("--policies", "circle", tmp_path / "model.zip", "--out", tmp_path / "out")
     status, _, error = evaluate("benchmark", *SHORT, *options)
-    assert status == 2 and "runs the code that is in it; add --trust" in error
+    assert status == 2 and "runs the code that is in it; benchmark takes it with --trust" in error
     status, shown, error = evaluate("benchmark", *SHORT, *options, "--trust")
     assert status == 0, error
     assert "model.zip" in shown
