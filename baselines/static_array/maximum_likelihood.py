@@ -72,7 +72,7 @@ def wls_ml(
         nominal, variance = likelihood, np.zeros_like(likelihood.arrival)
         for _ in range(REWEIGHTINGS):
             likelihood, variance = reweigh(nominal, likelihood, variance, estimate)
-            estimate = _descend(likelihood, estimate)
+            estimate = descend(likelihood, estimate)
     return likelihood.positions(estimate)
 
 
@@ -84,7 +84,7 @@ def start_places(likelihood: Likelihood) -> Floats:
 
 def _refine(likelihood: Likelihood, start: Floats) -> Floats:
     """Descents from given positions (K, n), and a search where there is none or the fit is one that noise hardly gives."""
-    estimate = _descend(likelihood, start)
+    estimate = descend(likelihood, start)
     spare = likelihood.known_differences - likelihood.dimensions
     worst = np.where(spare > 0, 0.5 * chdtri(np.maximum(spare, 1), IMPLAUSIBLE), 1e-6)
     poor = np.flatnonzero((spare >= 0) & ~(likelihood.cost(estimate) <= worst))
@@ -97,11 +97,11 @@ def _refine(likelihood: Likelihood, start: Floats) -> Floats:
 
 def _search(likelihood: Likelihood, starts: int) -> Floats:
     """The best of descents (K, n) from the first start places."""
-    found = [_descend(likelihood, np.tile(place, (len(likelihood), 1))) for place in start_places(likelihood)[:starts]]
+    found = [descend(likelihood, np.tile(place, (len(likelihood), 1))) for place in start_places(likelihood)[:starts]]
     return likelihood.choose(np.stack(found))
 
 
-def _descend(likelihood: Likelihood, start: Floats) -> Floats:
+def descend(likelihood: Likelihood, start: Floats) -> Floats:
     """Minima of the cost (K, n) from starts (K, n); NaN from NaN, where too little is known, and where they run away."""
     estimate = np.full_like(start, np.nan)
     able = np.isfinite(start).all(axis=1) & (likelihood.known_differences >= likelihood.dimensions)

@@ -22,7 +22,7 @@ from tagtrack.eval.telemetry import Plane, Reference, read_receivers, read_refer
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("positions.csv", "summary.json", "map.png")
-COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings"
+COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,other_x,other_y"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,8 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     figures["rmse_m"] = float(np.sqrt(np.mean(error**2))) if error.size else None
     mean = np.average(position, axis=0, weights=count) if known.any() else (None, None)
     figures["mean_x"], figures["mean_y"] = (None if value is None else float(value) for value in mean)
-    return {**figures, "sigma_s": located.sigma, "arrivals_removed": located.removed}
+    ambiguous = int(np.isfinite(located.other[known]).all(axis=1).sum())
+    return {**figures, "ambiguous": ambiguous, "sigma_s": located.sigma, "arrivals_removed": located.removed}
 
 
 def position_rows(located: Sequence[Located], plane: Plane | None = None) -> list[str]:
@@ -123,6 +124,8 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
         for k, place in zip(rows, degrees, strict=True):
             (x, y), (sd_x, sd_y) = each.positions.position[k], sd[k]
             line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
+            line += f",{each.positions.covariance[k, 0, 1]:.4f}"
+            line += "".join("," if np.isnan(value) else f",{value:.3f}" for value in (each.misfit[k], *each.other[k]))
             lines.append(line + "".join(f",{value:.8f}" for value in place))
     return lines
 
@@ -156,3 +159,7 @@ def print_summary(document: dict[str, Any], plane: Plane | None = None) -> None:
     note += f", {document['average']} pings to a position" if document["average"] > 1 else ""
     note += f", a position each {document['average_hours']:g} h" if document["average_hours"] else ""
     rich.print(as_console_table(header, rows, note + describe_plane(plane)))
+    for tag, figures in document["tags"].items():
+        if figures["ambiguous"]:
+            share = f"{figures['ambiguous']} of {figures['located']} positions of {tag}"
+            print(f"note: {share} have another place that fits as well, other_x,other_y in positions.csv")

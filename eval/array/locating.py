@@ -18,6 +18,7 @@ from tagtrack.baselines.static_array.matching import array_window, match_pings, 
 from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.baselines.static_array.noise import estimate_sigma
 from tagtrack.baselines.static_array.registry import METHODS, locate
+from tagtrack.baselines.static_array.two_places import other_places
 from tagtrack.eval.array.reading import by_deployment, fit_names, read_aloud
 from tagtrack.eval.telemetry import ReceiverPlaces
 
@@ -36,6 +37,8 @@ class Located:
     positions: Positions  # NaN where not located
     sigma: float  # of an arrival [s]
     removed: int  # arrivals that no place explains
+    misfit: Floats  # (K,) root of the cost per spare arrival, 1 as expected; NaN where none is to spare
+    other: Floats  # (K, 2) another place that explains the ping as well [m]; NaN where there is none
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -140,14 +143,20 @@ class LocateOptions:
         misfit = agree(pings, receivers, setting).misfit if not averaging else np.full(len(pings.time), np.nan)
         if self.method not in HARDY:
             positions = widen(positions, misfit)
+        positions = _certain(positions, self.max_sd)
+        other = np.full(positions.position.shape, np.nan)
+        if not averaging:
+            other = other_places(pings, receivers, setting, positions.position, positions.covariance)
         return Located(
             tag=tag,
             heard=heard,
             pings=pings,
             count=count,
-            positions=_certain(positions, self.max_sd),
+            positions=positions,
             sigma=setting.sigma,
             removed=cleaned.impossible,
+            misfit=misfit,
+            other=other,
         )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tagtrack.eval.array.locate import COLUMNS
 from tagtrack.eval.cli import main
 from tagtrack.eval.telemetry import Plane
 
@@ -78,12 +79,12 @@ def test_positions_are_those_of_metres_and_told_in_degrees_too(places: Table, ar
     assert array("locate", metres[0], "--reference", metres[1])[0] == 0
     expected = columns("out/positions.csv", "x", "y")
     plain = json.loads(Path("out/summary.json").read_text())
-    assert Path("out/positions.csv").read_text().startswith("tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings\n")
+    assert Path("out/positions.csv").read_text().startswith(f"{COLUMNS}\n")
     assert "origin" not in plain
     status, printed = array("locate", degrees[0], "--reference", degrees[1])
     assert status == 0, printed
     assert "metres east and north of lon -80.9000000, lat 25.1000000" in " ".join(printed.split())
-    assert Path("out/positions.csv").read_text().startswith("tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,lon,lat\n")
+    assert Path("out/positions.csv").read_text().startswith(f"{COLUMNS},lon,lat\n")
     assert len(expected) == 240
     np.testing.assert_allclose(columns("out/positions.csv", "x", "y"), expected, atol=NEAR)
     np.testing.assert_allclose(columns("out/positions.csv", "lon", "lat"), as_degrees(expected), atol=NEAR / 1e5)  # m a degree
