@@ -28,4 +28,7 @@ def main() -> int:
     if given[0] not in COMMANDS:
         print(f"error: unknown command {given[0]!r}; known: {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
-    return int(importlib.import_module(f"tagtrack.{given[0]}.cli").main(given[1:]))
+    try:
+        return int(importlib.import_module(f"tagtrack.{given[0]}.cli").main(given[1:]))
+    except SystemExit as stop:  # the help was shown
+        return int(stop.code or 0)
