@@ -49,7 +49,7 @@ def test_every_baseline_has_defaults(make_simulation: Make, name: str) -> None:
         ("three_step:perimeter=30", "perimeter must be 0 (the scenario has no speed control"),
         ("pursuit:30", "perimeter must be 0 (the scenario has no speed control"),
         ("information:2.5", "horizon must be a whole number, got '2.5'"),
-        ("information:0", "Information.horizon must be a whole number of at least 1, got 0"),
+        ("information:0", "Information.horizon must be a whole number of at least 1 and at most 10000, got 0"),
         ("stationary:3", "stationary has no parameter '3'; it has none"),
         ("random:-1", "Random.seed must be at least 0, got -1"),
     ],
