@@ -8,7 +8,7 @@ for bit, what it would have been had the measurement come in time.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -293,7 +293,7 @@ class ParticleFilter:
         """Go back to before the first of the measurements, and go on from there with all of them."""
         if not self._remember:
             raise ValueError(f"the belief was corrected at {self.time:g} s already; give all of one time together, or remember")
-        steps = [Step(step.time, step.time_step, step.measurements.copy(), step.before) for step in self._steps]
+        steps = [replace(step, measurements=step.measurements.copy()) for step in self._steps]
         first = len(steps)
         for time in sorted({each[0] for each in told}):
             index = next(k for k, step in enumerate(steps) if time <= step.time + SAME_TIME)

@@ -498,4 +498,8 @@ def test_steps_are_remembered_however_often_they_are_divided() -> None:
     """Two late measurements divide the last step of three: what came after 20 s can still be told."""
     belief = at_sea()
     belief.correct(np.concatenate([heard(time=44.0, vehicle=0), heard(time=47.0, vehicle=1)]))
+    before = belief.particles.copy()
     belief.correct(heard(time=21.0, vehicle=2))
+    assert not np.array_equal(belief.particles, before)
+    with pytest.raises(ValueError, match="remembers what came after 20 s"):
+        belief.correct(heard(time=20.0, vehicle=0))
