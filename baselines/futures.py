@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from tagtrack.baselines.heuristic import Heuristic, Sighting
 from tagtrack.baselines.particle_sample import sample_particles
+from tagtrack.baselines.simple import Pursuit
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.policies.protocol import Policy
@@ -206,11 +206,8 @@ def take_rows(state: Any, rows: np.ndarray, count: int) -> Any:
     return state[rows].copy()
 
 
-class _Aim(Heuristic):
-    """Turns a course relative to the line to a tag into an action."""
-
-    def choose(self, sighting: Sighting, memory: Any) -> tuple[np.ndarray, np.ndarray, Any]:
-        raise NotImplementedError("it is asked for single moves")
+class _Aim(Pursuit):
+    """Pursuit that can be told to head off the line to a tag, and for which one."""
 
     def steer(self, observation: np.ndarray, action: np.ndarray, angle: np.ndarray, other: np.ndarray) -> np.ndarray:
         """The actions (B, A) with their courses at an ``angle`` (B,) to the line to the nearest tag, or to the ``other`` (B,)

@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from tagtrack.live.helm import Helm, Orders, describe_counts, parse_corners
 from tagtrack.live.journal import JOURNAL_FILE, Journal, mend, read_events
 from tagtrack.live.receivers import RECEIVERS, JsonReceiver, Receiver, RxLive, Tbr, Vr2c
 from tagtrack.live.sources import Source, open_source, wait_for
+from tagtrack.live.tracker import Tracker
 from tagtrack.live.vehicles import VEHICLES, Iver, JsonVehicle, Order, VehicleLink
 
 TICK = 0.25  # how often nothing but time is looked at [s]
@@ -123,7 +125,7 @@ def prepare(asked: dict[str, Any]) -> tuple[Helm, str, str]:
         raise ValueError(f"receiver and vehicle cannot both be {receiver_source}; give each a source of its own")
     receiver = make_receiver(kind, check=asked["checksum"])
     vehicle = make_vehicle(other, feet=asked["feet"], degrees=asked["degrees"])
-    orders = make_orders(asked, in_degrees=vehicle.in_degrees or asked["degrees"], mathematical_allowed=other == "json")
+    orders = make_orders(asked, in_degrees=vehicle.in_degrees, mathematical_allowed=other == "json")
     return Helm(orders, receiver, vehicle), receiver_source, vehicle_source
 
 
@@ -136,11 +138,7 @@ def make_receiver(kind: str, *, check: bool = True) -> Receiver:
 def make_vehicle(kind: str, *, feet: bool = False, degrees: bool = False) -> VehicleLink:
     if kind == "iver":
         return Iver(feet=feet)
-    if kind == "json":
-        vehicle = JsonVehicle(degrees=degrees)
-        vehicle.in_degrees = degrees  # type: ignore[misc]
-        return vehicle
-    return VEHICLES[kind]()
+    return JsonVehicle(degrees=degrees) if kind == "json" else VEHICLES[kind]()
 
 
 def make_orders(asked: dict[str, Any], *, in_degrees: bool, mathematical_allowed: bool) -> Orders:
@@ -264,8 +262,6 @@ def handle(helm: Helm, who: str, line: bytes, now: float) -> Order | None:
 def warm_up(asked: dict[str, Any]) -> None:
     """Load what is compiled, on a mission that is thrown away: the first order must not wait for it."""
     orders = make_orders({**asked, "box": None, "home": None, "origin": None}, in_degrees=True, mathematical_allowed=True)
-    from tagtrack.live.tracker import Tracker
-
     tracker = Tracker(orders.task, tags=orders.tags, policy=orders.policy)
     receiver = tracker.task.scenario.belief.receiver
     for k in range(3):
@@ -297,7 +293,7 @@ class Loop:
         self.picture: Path | None = None
         self._stopped = self._journal_broken = False
         self._asked = self._told = self._drawn = -1e9
-        self._track: list[tuple[float, float]] = []  # where the vehicle said it was, a place a second, in metres
+        self._track: deque[tuple[float, float]] = deque(maxlen=20_000)  # where the vehicle was, a place a second [m]
 
     def run(self, duration: float | None) -> None:
         """Until it is stopped, nothing will come any more, or so many seconds have passed."""
@@ -333,8 +329,6 @@ class Loop:
         self._stopped = True
 
     def _over(self, begun: float, duration: float | None) -> bool:
-        if self.receiver.ended and self.vehicle.ended:
-            return True
         return self.vehicle.ended or (duration is not None and time.monotonic() - begun > duration)
 
     def _turn(self) -> None:
@@ -375,7 +369,7 @@ class Loop:
                 self._tell(now)
         if self.helm.tracker is not None and self.helm.fixes:
             pose = self.helm.tracker.pose
-            self._track = [*self._track[-20_000:], (pose.x, pose.y)]
+            self._track.append((pose.x, pose.y))
         if self.picture is not None and wall - self._drawn > DRAW:
             self._drawn = wall
             self._draw()

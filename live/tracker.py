@@ -12,7 +12,8 @@ What is done where things go wrong:
 * a second reading of a tag within ``SAME_PING`` of another is an echo or a doubled line, and dropped;
 * where navigation stalls the vehicle is reckoned to go on as it last said, for ``stale`` seconds, and to stay there afterwards;
   ``Command.stale`` says so;
-* a clock that goes back, or leaps ahead by more than ``LONGEST_LEAP``, is refused: the tracker stays as it was.
+* navigation whose clock goes back, or a clock that leaps ahead by more than ``LONGEST_LEAP``, is refused: the tracker stays
+  as it was.
 """
 
 from __future__ import annotations
@@ -256,7 +257,7 @@ class Tracker:
         """What to steer at a time: the order of the last step of the task.
 
         Raises:
-            RuntimeError: before the first navigation, or without a policy. ValueError: for a clock that goes back or leaps.
+            RuntimeError: before the first navigation, or without a policy. ValueError: for a clock that leaps.
         """
         if self.steersman is None:
             raise RuntimeError("nobody steers; give the tracker a policy")
@@ -294,10 +295,10 @@ class Tracker:
         return [self._estimate(place, now) for place in range(len(self.tags))]
 
     def advance(self, t: float) -> None:
-        """Bring beliefs and orders up to a time: the last step of the task that ends by then.
+        """Bring beliefs and orders up to a time: the last step of the task that ends by then. An earlier time changes nothing.
 
         Raises:
-            RuntimeError: before the first navigation. ValueError: for a clock that goes back or leaps.
+            RuntimeError: before the first navigation. ValueError: for a clock that leaps.
         """
         if math.isnan(self._start):
             raise RuntimeError("the tracker begins with the first navigation")

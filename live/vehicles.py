@@ -46,7 +46,7 @@ class VehicleLink(ABC):
     """Speaks with one kind of vehicle: the payload's side, and for simulations the vehicle's."""
 
     name: ClassVar[str]
-    in_degrees: ClassVar[bool] = True  # whether it tells longitude and latitude
+    in_degrees: bool = True  # whether it tells longitude and latitude
     question: ClassVar[bytes] = b""  # sent to be told navigation, where it must be asked
 
     @abstractmethod
@@ -172,18 +172,17 @@ class JsonVehicle(VehicleLink):
     ``{"t": 12.0, "course": 270.0, "speed": 1.3, "depth": 0}``. Without ``t`` it is now."""
 
     name = "json"
-    in_degrees = False
 
     def __init__(self, *, degrees: bool = False) -> None:
-        self.degrees = degrees
+        self.in_degrees = degrees
 
     def read(self, line: bytes) -> Fix | None:
         said = object_of(line)
-        axes = ("lon", "lat") if self.degrees else ("x", "y")
+        axes = ("lon", "lat") if self.in_degrees else ("x", "y")
         if not set(axes) <= set(said):
             other = {"lon", "lat"} <= set(said) or {"x", "y"} <= set(said)
             raise BadLine("degrees where metres are expected, or the other way round" if other else f"no {axes[0]},{axes[1]}")
-        limits = (360.0, 90.0) if self.degrees else (PLACES, PLACES)
+        limits = (360.0, 90.0) if self.in_degrees else (PLACES, PLACES)
         first, second = (number(said[axis], axis, least=-most, most=most) for axis, most in zip(axes, limits, strict=True))
         given = {name: None if said.get(name) is None else number(said[name], name) for name in ("t", "heading", "speed")}
         if given["speed"] is not None and abs(given["speed"]) > FASTEST:
@@ -195,7 +194,7 @@ class JsonVehicle(VehicleLink):
         return (json.dumps(said) + "\n").encode("ascii")
 
     def tell(self, fix: Fix) -> bytes:
-        axes = ("lon", "lat") if self.degrees else ("x", "y")
+        axes = ("lon", "lat") if self.in_degrees else ("x", "y")
         said = {"t": fix.t, axes[0]: fix.first, axes[1]: fix.second, "heading": fix.heading, "speed": fix.speed}
         return (json.dumps({name: value for name, value in said.items() if value is not None}) + "\n").encode("ascii")
 

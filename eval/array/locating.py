@@ -36,7 +36,7 @@ class Located:
     count: NDArray[np.int64]  # (K,) pings in each row
     positions: Positions  # NaN where not located
     sigma: float  # of an arrival [s]
-    removed: int  # arrivals that no place explains
+    removed: int  # arrivals that no place explains, or that disagree with the others
     misfit: Floats  # (K,) root of the cost per spare arrival, 1 as expected; NaN where none is to spare
     other: Floats  # (K, 2) another place that explains the ping as well [m]; NaN where there is none
 
@@ -133,14 +133,18 @@ class LocateOptions:
         if self.sigma is None:
             setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)
         agreement = agree(pings, receivers, setting)
+        misfit, dropped = agreement.misfit, 0
         if self.method not in HARDY:
-            pings = _of_at_least(agreement.pings, self.min_receivers) if not averaging else agreement.pings
+            pings, dropped = agreement.pings, agreement.dropped
+            if not averaging:
+                misfit = misfit[_heard_by(pings, self.min_receivers)]
+                pings = _of_at_least(pings, self.min_receivers)
         information, count = None, np.ones(len(pings.time), dtype=np.int64)
         if averaging:
             blocks = average_pings(pings, averaging.number(pings, self.min_receivers), setting.sigma, averaging.systematic)
             pings, information, count = blocks.pings, blocks.information, blocks.count
+            misfit = np.full(len(pings.time), np.nan)
         positions = locate(self.method, pings, receivers, setting, information=information, robust=averaging is None)
-        misfit = agree(pings, receivers, setting).misfit if not averaging else np.full(len(pings.time), np.nan)
         if self.method not in HARDY:
             positions = widen(positions, misfit)
         positions = _certain(positions, self.max_sd)
@@ -154,7 +158,7 @@ class LocateOptions:
             count=count,
             positions=positions,
             sigma=setting.sigma,
-            removed=cleaned.impossible,
+            removed=cleaned.impossible + dropped,
             misfit=misfit,
             other=other,
         )
@@ -167,8 +171,13 @@ def widen(positions: Positions, misfit: Floats) -> Positions:
 
 
 def _of_at_least(pings: Pings, receivers: int) -> Pings:
-    kept = pings.heard.sum(axis=1) >= receivers
+    kept = _heard_by(pings, receivers)
     return Pings(time=pings.time[kept], arrival=pings.arrival[kept])
+
+
+def _heard_by(pings: Pings, receivers: int) -> NDArray[np.bool_]:
+    """(K,) which pings at least so many receivers heard."""
+    return np.asarray(pings.heard.sum(axis=1) >= receivers)
 
 
 def _certain(positions: Positions, max_sd: float) -> Positions:
