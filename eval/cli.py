@@ -8,14 +8,14 @@ from typing import Annotated
 
 import tyro
 
-from tagtrack.eval.array.command import Array
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.check_consistency import Consistency
-from tagtrack.eval.field.calibrate import Calibrate
+from tagtrack.eval.field.array.command import Array
+from tagtrack.eval.field.tag_clock.calibrate import Calibrate
 from tagtrack.eval.headroom import Headroom
 from tagtrack.eval.messages import Messages
 from tagtrack.eval.papers.command import Papers
-from tagtrack.eval.speed import Speed
+from tagtrack.eval.speed.command import Speed
 from tagtrack.eval.tradeoff import Tradeoff
 from tagtrack.eval.tune import Tune
 

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tagtrack.baselines.static_array.model import ArraySetting, Floats, Pings, Positions
-from tagtrack.baselines.static_array.registry import locate
 from tagtrack.envs.task import Task
 from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions
+from tagtrack.eval.field.static_array.registry import locate
 from tagtrack.eval.rollout import Trace, watch_fish
 
 NAME = "static_array"

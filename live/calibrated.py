@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from tagtrack.eval.field.time_of_flight import TagClock, time_of_flight_range
+from tagtrack.eval.field.tag_clock.time_of_flight import TagClock, time_of_flight_range
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ def _aboard(options: argparse.Namespace) -> tuple[list[tuple[Floats, Floats, Flo
 
 def _moored(options: argparse.Namespace) -> tuple[list[tuple[Floats, Floats, Floats]], str]:
     """Receivers on moorings, from the first to the last detection of any of them."""
-    from tagtrack.eval.telemetry import read_receivers, read_telemetry
+    from tagtrack.eval.field.telemetry import read_receivers, read_telemetry
 
     if not options.receivers:
         raise ValueError("--detections needs --receivers FILE: receiver,x,y of each")

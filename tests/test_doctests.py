@@ -33,7 +33,7 @@ EXAMPLES = examples()
 
 
 def test_there_are_examples() -> None:
-    assert {"tagtrack.envs.belief.filter", "tagtrack.envs.overrides", "tagtrack.eval.field.time_of_flight"} <= EXAMPLES.keys()
+    assert {"tagtrack.envs.belief.filter", "tagtrack.envs.overrides"} <= EXAMPLES.keys()
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -1,1 +1,1 @@
-"""Tags and receivers as they lie on the bench: arrival records, the clock of a coded tag, and ranges by it (Lin et al. 2013)."""
+"""What is measured in the field: receivers on moorings, files of telemetry, the clock of a tag."""

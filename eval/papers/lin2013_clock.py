@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tagtrack.eval.field.calibration import Calibration, calibrate
-from tagtrack.eval.field.calibration_plot import plot_differences
-from tagtrack.eval.field.coded_tag import CodedTag
-from tagtrack.eval.field.time_of_flight import TagClock, time_of_flight_range
+from tagtrack.eval.field.tag_clock.calibration import Calibration, calibrate
+from tagtrack.eval.field.tag_clock.calibration_plot import plot_differences
+from tagtrack.eval.field.tag_clock.coded_tag import CodedTag
+from tagtrack.eval.field.tag_clock.time_of_flight import TagClock, time_of_flight_range
 from tagtrack.eval.papers.frame import Experiment, Findings, Setting, Size, make_row
 from tagtrack.eval.papers.lin2013_twin import (
     CALIBRATION,

@@ -13,8 +13,8 @@ from tagtrack.envs.belief.refilter import Recording
 from tagtrack.envs.motions import StraightAndIdle
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sim.sound_speed import sound_speed
-from tagtrack.eval.field.coded_tag import CodeReceiver, simulate_arrivals
-from tagtrack.eval.field.time_of_flight import TagClock, correct_first_ping, gate_range, time_of_flight_range
+from tagtrack.eval.field.tag_clock.coded_tag import CodeReceiver, simulate_arrivals
+from tagtrack.eval.field.tag_clock.time_of_flight import TagClock, correct_first_ping, gate_range, time_of_flight_range
 from tagtrack.eval.papers.clark2013_twin import TIME_STEP, record_missions
 from tagtrack.eval.papers.frame import Experiment, Findings, Setting, Size, make_row
 from tagtrack.eval.papers.lin2013_twin import (

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tagtrack.envs.sensors import Measurements, Sensor, TimeOfFlightReceiver
-from tagtrack.eval.field.calibration import calibrate
-from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
-from tagtrack.eval.field.time_of_flight import TagClock
+from tagtrack.eval.field.tag_clock.calibration import calibrate
+from tagtrack.eval.field.tag_clock.coded_tag import CodedTag, CodeReceiver, simulate_arrivals
+from tagtrack.eval.field.tag_clock.time_of_flight import TagClock
 
 CODE = 117  # of both tags
 TAGS = {

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from tagtrack.baselines.static_array.averaging import Blocks, average_pings, number_by_count
-from tagtrack.baselines.static_array.matching import array_window, match_pings, remove_impossible
-from tagtrack.baselines.static_array.model import ArraySetting, Floats
-from tagtrack.baselines.static_array.noise import estimate_sigma
-from tagtrack.baselines.static_array.registry import METHODS
+from tagtrack.eval.field.static_array.averaging import Blocks, average_pings, number_by_count
+from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats
+from tagtrack.eval.field.static_array.noise import estimate_sigma
+from tagtrack.eval.field.static_array.registry import METHODS
+from tagtrack.eval.field.telemetry import read_detections
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size
 from tagtrack.eval.papers.printed import MASMITJA2020_POSITION_2, MASMITJA2020_TABLE_1, MASMITJA2020_TABLE_S1
-from tagtrack.eval.telemetry import read_detections
 
 PAPER = "masmitja2020"
 SOUND_SPEED = 1500.0  # of the authors' localization; the distances between receivers are at 1512 m/s

@@ -22,7 +22,7 @@ from tagtrack.envs.sensors import Sensor, StereoHydrophone, Weighting
 from tagtrack.envs.sensors.sensor import WEIGH
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
-from tagtrack.eval import reference_filter
+from tagtrack.eval.speed import reference_filter
 
 ERRORS = 4.0
 

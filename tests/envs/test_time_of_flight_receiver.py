@@ -20,7 +20,7 @@ from tagtrack.envs.sensors import Measurements, TimeOfFlightReceiver
 from tagtrack.envs.sensors.bearing import bearing_in_units
 from tagtrack.envs.sensors.time_of_flight import SLANT_RANGE
 from tagtrack.envs.simulation import Simulation
-from tagtrack.eval.field.time_of_flight import TagClock, gate_range, time_of_flight_range
+from tagtrack.eval.field.tag_clock.time_of_flight import TagClock, gate_range, time_of_flight_range
 
 TASK = SCENARIOS["TagTrack/TimeOfFlight-v0"]
 SPEED, ERRORS = 1500.0, 4.0

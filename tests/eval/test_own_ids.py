@@ -102,7 +102,7 @@ def test_registered_length_ends_episodes_in_train_and_eval_too(reef: None) -> No
 
 def test_speed_times_the_task_as_it_was_registered(reef: None, evaluate: Callable, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a vector_entry_point of its own, and with the options that it was registered with."""
-    from tagtrack.eval import speed
+    from tagtrack.eval.speed import command as speed
 
     lengths = []
     step_env = speed.step_env

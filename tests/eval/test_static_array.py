@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from tagtrack.baselines.registry import make_baseline
-from tagtrack.baselines.static_array.bound import cramer_rao_bound, root_trace
-from tagtrack.baselines.static_array.model import ArraySetting, Positions
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import build_task
 from tagtrack.eval import compare
+from tagtrack.eval.field.static_array.bound import cramer_rao_bound, root_trace
+from tagtrack.eval.field.static_array.model import ArraySetting, Positions
 from tagtrack.eval.rollout import roll_out, trace, watch_fish
 from tagtrack.eval.static_array import StaticArray, hold, read_static_array
 from tests.eval.conftest import SHORT

@@ -8,9 +8,17 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.sensors import TimeOfFlightReceiver
 from tagtrack.envs.simulation import Simulation
-from tagtrack.eval.field.calibration import NOMINAL_PERIODS, TAU, TICK, Kind, average_differences, calibrate, sort_differences
-from tagtrack.eval.field.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
-from tagtrack.eval.field.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
+from tagtrack.eval.field.tag_clock.calibration import (
+    NOMINAL_PERIODS,
+    TAU,
+    TICK,
+    Kind,
+    average_differences,
+    calibrate,
+    sort_differences,
+)
+from tagtrack.eval.field.tag_clock.coded_tag import CodedTag, CodeReceiver, clock_wander, simulate_arrivals
+from tagtrack.eval.field.tag_clock.time_of_flight import LARGEST_JUMP, TagClock, aliasing_range, time_of_flight_range
 from tagtrack.eval.papers.lin2013_localization import MEASUREMENTS, VARIANTS, rows_by_distance
 from tagtrack.eval.papers.lin2013_recovery import lead_astray, time_back
 from tagtrack.eval.papers.printed import LIN2013_TABLE_I

@@ -1,0 +1,68 @@
+"""The estimators by the names that command lines and tables write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Protocol
+
+from numpy.typing import ArrayLike
+
+from tagtrack.eval.field.static_array.arrival_track import yaps
+from tagtrack.eval.field.static_array.closed_form import weighted_least_squares
+from tagtrack.eval.field.static_array.likelihood import check_pings
+from tagtrack.eval.field.static_array.map_track import maximum_a_posteriori
+from tagtrack.eval.field.static_array.map_window import map_marginal
+from tagtrack.eval.field.static_array.maximum_likelihood import maximum_likelihood, wls_ml
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
+from tagtrack.eval.field.static_array.particle_track import particle_filter
+
+
+class Estimator(Protocol):
+    """Positions of K pings, from the arrivals at receivers (R, n) [m] and, where given, their information (K, R, R) [1/s^2]."""
+
+    def __call__(
+        self, pings: Pings, receivers: ArrayLike, setting: ArraySetting, *, information: Floats | None = None
+    ) -> Positions: ...
+
+
+METHODS: Mapping[str, Estimator] = MappingProxyType(
+    {
+        "wls": weighted_least_squares,
+        "ml": maximum_likelihood,
+        "wls_ml": wls_ml,
+        "map": maximum_a_posteriori,
+        "map_m": map_marginal,
+        "pf": particle_filter,
+        "yaps": yaps,
+    }
+)
+
+
+TRACKERS = {"map": maximum_a_posteriori, "map_m": map_marginal}  # that may weigh by agreement with the track, too
+
+
+def locate(
+    method: str,
+    pings: Pings,
+    receivers: ArrayLike,
+    setting: ArraySetting,
+    *,
+    information: Floats | None = None,
+    robust: bool = False,
+) -> Positions:
+    """Positions of K pings by a method of ``METHODS``; none for no pings.
+
+    Args:
+        robust: let the track of ``map`` and ``map_m`` weigh arrivals that disagree with it less.
+
+    Raises:
+        ValueError: for an unknown method, listing those there are, receivers that are not (R, 2) or (R, 3), arrivals that are not
+            (K, R), or times that are not one for each ping, finite and in order.
+    """
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
+    check_pings(pings, check_receivers(receivers))
+    if robust and method in TRACKERS:
+        return TRACKERS[method](pings, receivers, setting, information=information, robust=True)
+    return METHODS[method](pings, receivers, setting, information=information)
