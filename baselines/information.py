@@ -34,7 +34,7 @@ class Plan(NamedTuple):
     tag_age: np.ndarray  # time since the tag was chosen [s]
 
 
-class Track(NamedTuple):
+class Poses(NamedTuple):
     """Where vehicles expect to be, each (B, K, S): B worlds, K candidate courses, S steps."""
 
     x: np.ndarray  # [m]
@@ -125,13 +125,13 @@ class Information(InformedHeuristic):
         # Readings are taken at the end of the step in which the tag pings; phase and rounding must not make that the next one.
         pings = (1.0 - ping_phase[:, None] + np.arange(self.horizon)) * periods
         at_ping = np.maximum(np.ceil(pings - 1e-4).astype(np.int64) - 1, 0)[:, None, :]
-        value = self._expect_information(rows, tags, Track(*(np.take_along_axis(part, at_ping, axis=2) for part in track)))
+        value = self._expect_information(rows, tags, Poses(*(np.take_along_axis(part, at_ping, axis=2) for part in track)))
         belief = self.simulation.mean[world, owner, tags]
         distance = np.hypot(track.x - belief[:, 0, None, None], track.y - belief[:, 1, None, None])
         value = value - INTRUSION_COST * np.maximum(self.perimeter - distance, 0.0).mean(axis=2)
         return np.take_along_axis(candidates, value.argmax(axis=1)[:, None], axis=1)[:, 0]
 
-    def _expect_information(self, rows: np.ndarray, tags: np.ndarray, poses: Track) -> np.ndarray:
+    def _expect_information(self, rows: np.ndarray, tags: np.ndarray, poses: Poses) -> np.ndarray:
         """(R, K) expected information [nats] of pings heard at ``poses`` (R, K, P)."""
         particles = self.simulation.worlds.particles
         world, vehicle, owner = self._belief_of(rows)
@@ -150,7 +150,7 @@ class Information(InformedHeuristic):
         return information.astype(np.float64)
 
 
-def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, time_step: float, steps: int) -> Track:
+def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, time_step: float, steps: int) -> Poses:
     """Where vehicles expect to be after 1, 2 ... steps at full speed on each course: ``hold_course`` without noise or current.
 
     Args:
@@ -160,7 +160,7 @@ def expect_track(vehicles: np.ndarray, courses: np.ndarray, vehicle: Vehicle, ti
     x, y, heading, speed = (
         np.broadcast_to(vehicles[name][:, None], shape) for name in ("x", "y", "heading", "speed")
     )
-    track = Track(*(np.empty((*shape, steps)) for _ in range(3)))
+    track = Poses(*(np.empty((*shape, steps)) for _ in range(3)))
     ticks = max(1, round(time_step / vehicle.control_interval))
     tick = time_step / ticks
     for s in range(steps):

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.stats import chi2
 
 from tagtrack.eval.metrics import Bootstrap, Floats, Interval
 
@@ -61,11 +62,6 @@ def normalized_error_squared(
     return along**2 / np.maximum(centre + radius, floor) + across**2 / np.maximum(centre - radius, floor)
 
 
-def ellipse_threshold(probability: ArrayLike) -> Floats:
-    """Normalized error squared on the edge of the ellipse of this probability: the chi-square quantile, 2 dof."""
-    return -2 * np.log1p(-np.asarray(probability, dtype=np.float64))
-
-
 def share_inside_ellipses(normalized: ArrayLike, probabilities: Sequence[float] = PROBABILITIES) -> Floats:
     """Share of steps on which the truth lies inside each ellipse.
 
@@ -75,7 +71,7 @@ def share_inside_ellipses(normalized: ArrayLike, probabilities: Sequence[float] 
         (..., P) one share per probability; NaN where there is no step at all.
     """
     normalized = np.asarray(normalized, dtype=np.float64)
-    inside = normalized[..., None, :] <= ellipse_threshold(probabilities)[:, None]
+    inside = normalized[..., None, :] <= chi2.ppf(probabilities, df=2)[:, None]
     steps = (~np.isnan(normalized)).sum(axis=-1)[..., None]
     return np.divide(inside.sum(axis=-1), steps, out=np.full(inside.shape[:-1], math.nan), where=steps > 0)
 

@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tagtrack.eval.consistency import (
     SMALLEST_SIGMA,
     TABLE_II,
-    ellipse_threshold,
     normalized_error_squared,
     share_inside_ellipses,
     summarize_consistency,
@@ -55,11 +53,6 @@ def test_missing_steps_stay_nan():
 def test_shapes_that_are_no_plane_are_refused():
     with pytest.raises(ValueError, match="expected shapes"):
         normalized_error_squared(np.zeros((4, 3)), np.zeros((4, 3, 3)))
-
-
-def test_thresholds_are_chi_square_quantiles():
-    probabilities = [0.01, 0.5, 0.9, 0.99, 0.9999]
-    np.testing.assert_allclose(ellipse_threshold(probabilities), stats.chi2.ppf(probabilities, df=2))
 
 
 def test_true_gaussian_lies_inside_its_ellipses_as_often_as_they_say():
