@@ -1,4 +1,4 @@
-"""Settings of other people's systems, as presets of the id whose task they are: ``gym.make(id, preset="masmitja2023")``.
+"""Presets of an id: settings of other people's systems, and a second water. ``gym.make(id, preset="masmitja2023")``.
 
 Published settings, so that figures can be set beside theirs; what is left open there is chosen here, and says so.
 """
@@ -90,7 +90,14 @@ UTRACKING_HARD = replace(
     ),
 )
 
+# A second water, declared before anything was trained or measured in it, and never used to choose anything: a surf zone, where
+# bubbles swallow whole stretches and sound carries less far. The task's own water was chosen among twenty (README).
+SURF_ZONE = Scenario(
+    water=Water(reach=80.0, edge_width=12.0, clear_hearing=0.85, noisy_hearing=0.05, noisy_share=0.4, noisy_duration=40.0)
+)
+
 PRESETS = {
+    "TagTrack/LeopardShark-v0": {"surf_zone": SURF_ZONE},
     "TagTrack/RangeOnly-v0": {
         "masmitja2023": MASMITJA2023,
         "utracking_medium": UTRACKING_MEDIUM,
@@ -103,6 +110,6 @@ def find_preset(env_id: str, name: str) -> Scenario:
     """The preset of an id, with or without its namespace. Raises ValueError that lists what there is."""
     known = PRESETS.get(env_id) or PRESETS.get(f"TagTrack/{env_id}") or {}
     if name not in known:
-        listed = f"known: {', '.join(known)}" if known else f"only {', '.join(PRESETS)} has presets"
+        listed = f"known: {', '.join(known)}" if known else f"there are presets of {', '.join(PRESETS)}"
         raise ValueError(f"unknown preset {name!r} of {env_id}; {listed}")
     return known[name]

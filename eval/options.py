@@ -19,7 +19,7 @@ class TaskOptions:
     env: Annotated[str, tyro.conf.arg(metavar="ID")] = "TagTrack/LeopardShark-v0"
     """Environment id, with or without `TagTrack/`."""
     preset: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(none)")] = None
-    """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
+    """Other settings: surf_zone of LeopardShark-v0; masmitja2023, utracking_medium, utracking_hard of RangeOnly-v0."""
     overrides: Annotated[
         tuple[tuple[str, ...], ...],
         tyro.conf.arg(name="set", metavar="NAME=VALUE ..."),

@@ -36,7 +36,7 @@ class TrainConfig:
     num_envs: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(default by environment)")] = None
     """Worlds that are simulated together."""
     preset: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(none)")] = None
-    """Other people's settings of the task: RangeOnly-v0 has masmitja2023, utracking_medium, utracking_hard."""
+    """Other settings: surf_zone of LeopardShark-v0; masmitja2023, utracking_medium, utracking_hard of RangeOnly-v0."""
     particles: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(the environment's or preset's own)")] = None
     """Particles of the filter; 1000 for most environments."""
     tracks: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None

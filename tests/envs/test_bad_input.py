@@ -32,7 +32,7 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"overrides": {"receiver": "range"}}, "belief.receiver cannot score the readings of a RangeReceiver, got StereoHydr"),
         ({"overrides": {"receiver": "sonar"}}, "one of stereo, .*, measured, or MODULE:CLASS of your own, got 'sonar'"),
         ({"overrides": {"start.deepest": 20.0}}, "Start.deepest must be 0 with a StereoHydrophone"),
-        ({"preset": "masmitja2023"}, "unknown preset 'masmitja2023' of TagTrack/LeopardShark-v0; only TagTrack/RangeOnly-v0 has"),
+        ({"preset": "masmitja2023"}, "unknown preset 'masmitja2023' of TagTrack/LeopardShark-v0; known: surf_zone"),
         ({"preset": "masmitja2023", "scenario": Scenario()}, "preset='masmitja2023' and a scenario are two scenarios"),
         ({"overrides": {"tag.period": float("nan")}}, "Tag.period must be finite, got nan"),
         ({"overrides": {"water.reach": "far"}}, "water.reach must be a number, got 'far'"),

@@ -1,5 +1,6 @@
 """Other people's settings: their published numbers, and the physics that they need (turns, noise, current, straight legs)."""
 
+import dataclasses
 import math
 
 import gymnasium as gym
@@ -30,6 +31,17 @@ def simulate(
         rows.append((of_world.vehicles[:, 0].copy(), of_world.navigation[:, 0].copy(), of_world.fish[:, 0, :, 0].astype(float)))
     vehicles, navigation, fish = (np.array(column) for column in zip(*rows, strict=True))
     return {"vehicles": vehicles, "navigation": navigation, "fish": fish}
+
+
+def test_an_id_without_presets_names_those_that_have_some() -> None:
+    with pytest.raises(ValueError, match="'surf_zone' of .*AreaOnly-v0; there are presets of TagTrack/Leop.*, .*RangeOnly"):
+        build_task("AreaOnly-v0", preset="surf_zone")
+
+
+def test_second_water_differs_in_its_water_alone() -> None:
+    scenario = build_task("LeopardShark-v0", preset="surf_zone").scenario
+    assert scenario.water != Scenario().water
+    assert dataclasses.replace(scenario, water=Scenario().water) == build_task("LeopardShark-v0").scenario
 
 
 @pytest.mark.parametrize("preset", PRESETS[RANGE_ONLY])
