@@ -12,14 +12,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tagtrack.eval.comparison import Comparison, compare
     from tagtrack.eval.episode_record import EpisodeRecord
-    from tagtrack.eval.metrics import Bootstrap, Interval, paired_ratio, summarize
+    from tagtrack.eval.metrics import paired_ratio, summarize
     from tagtrack.eval.rollout import SeedBlock, Trace, block_seed, roll_out, trace
+    from tagtrack.eval.statistics.bootstrap import Bootstrap
+    from tagtrack.eval.statistics.estimate import Interval
     from tagtrack.eval.versions import collect_versions
 
 _HOMES = {
     "comparison": ("Comparison", "compare"),
     "episode_record": ("EpisodeRecord",),
-    "metrics": ("Bootstrap", "Interval", "paired_ratio", "summarize"),
+    "metrics": ("paired_ratio", "summarize"),
+    "statistics.bootstrap": ("Bootstrap",),
+    "statistics.estimate": ("Interval",),
     "rollout": ("SeedBlock", "Trace", "block_seed", "roll_out", "trace"),
     "versions": ("collect_versions",),
 }

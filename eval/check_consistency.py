@@ -12,13 +12,13 @@ import tyro
 
 from tagtrack.eval.consistency import PROBABILITIES, TABLE_II, summarize_consistency
 from tagtrack.eval.contestants import find_makers, name_contestants
-from tagtrack.eval.metrics import Interval
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.plots import plot_calibration, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, interval_cell, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.rollout import Localizer, SeedBlock, block_seed, trace
+from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("consistency.json", "calibration.png")

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
-from tagtrack.eval.metrics import Bootstrap, Floats, Interval
+from tagtrack.eval.statistics.bootstrap import Bootstrap
+from tagtrack.eval.statistics.estimate import Floats, Interval
 
 PROBABILITIES = (0.5, 0.9, 0.99)
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
 from tagtrack.baselines.registry import BASELINES, make_baseline
@@ -27,7 +28,9 @@ from tagtrack.policies.entities import EntityPolicy
 from tagtrack.policies.files import load_policy
 from tagtrack.policies.protocol import Policy
 
+Name = TypeVar("Name", bound=Hashable)
 PolicySpec = str | os.PathLike[str] | Policy | PolicyMaker | Localizer
+GROUP = re.compile(r"([^:=,/\\]+)=(.*)")  # learned=RUN,RUN
 
 
 def name_contestants(specs: Sequence[str]) -> dict[str, str]:
@@ -43,15 +46,37 @@ def name_contestants(specs: Sequence[str]) -> dict[str, str]:
         name = spec.rpartition(":")[2] if _is_object(spec) else spec
         if is_run(spec) or is_zip(spec):
             name = Path(spec).resolve().name
-        if name in named:
-            raise ValueError(
-                f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder"
-            )
-        named[name] = spec
+        _name(named, name, spec)
     return named
 
 
-def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str, *, trust: bool = False) -> dict[str, Contestant]:
+def name_groups(specs: Sequence[str]) -> dict[str, str | dict[str, str]]:
+    """As ``name_contestants``, where NAME=RUN,RUN,... names training runs that count as one policy: its runs by their names.
+
+    Raises:
+        ValueError: also for a group without a run.
+    """
+    named: dict[str, str | dict[str, str]] = {}
+    for spec in specs:
+        group = None if Path(spec).exists() else GROUP.fullmatch(spec)
+        if group is None:
+            for name, alone in name_contestants([spec]).items():
+                _name(named, name, alone)
+            continue
+        name, runs = group[1], [run for run in group[2].split(",") if run]
+        if not runs:
+            raise ValueError(f"the group {spec!r} has no run; name its folders: {name}=runs/seed0,runs/seed1")
+        _name(named, name, name_contestants(runs))
+    return named or {**name_contestants(specs)}
+
+
+def _name(named: dict[str, Any], name: str, spec: Any) -> None:
+    if name in named:
+        raise ValueError(f"two policies go by the name {name!r}: {named[name]} and {spec}; leave one out or rename its folder")
+    named[name] = spec
+
+
+def find_makers(specs: Mapping[Name, PolicySpec], task: Task, env_id: str, *, trust: bool = False) -> dict[Name, Contestant]:
     """A maker for each policy, which has made it once for this task; a ``Localizer`` stands for itself.
 
     Args:
@@ -65,7 +90,7 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str, *, tru
     # Folders and unknown names first: a simulation may have to be compiled.
     makers = {name: _find_maker(spec, task, env_id, trust=trust) for name, spec in specs.items()}
     fleet = task.scenario.vehicles > 1 or task.scenario.targets > 1
-    if fleet and (arrays := [name for name, maker in makers.items() if isinstance(maker, Localizer)]):
+    if fleet and (arrays := [specs[name] for name, maker in makers.items() if isinstance(maker, Localizer)]):
         raise ValueError(
             f"{arrays[0]} stands for one vehicle and one tag, got vehicles={task.scenario.vehicles}, "
             f"tags={task.scenario.targets}; leave it out"
@@ -75,6 +100,22 @@ def find_makers(specs: Mapping[str, PolicySpec], task: Task, env_id: str, *, tru
         if not isinstance(maker, Localizer):
             maker(simulation)
     return makers
+
+
+def make_groups(
+    specs: Mapping[str, str | dict[str, str]], task: Task, env_id: str, *, trust: bool = False
+) -> dict[str, Contestant | dict[str, Contestant]]:
+    """As ``find_makers``, of what ``name_groups`` gives: a group is a mapping of its runs."""
+    flat = {(name, run): spec for name, each in specs.items() for run, spec in _as_group(each).items()}
+    found = find_makers(flat, task, env_id, trust=trust)
+    groups: dict[str, Contestant | dict[str, Contestant]] = {}
+    for name, each in specs.items():
+        groups[name] = {run: found[name, run] for run in each} if isinstance(each, dict) else found[name, ""]
+    return groups
+
+
+def _as_group(spec: str | dict[str, str]) -> dict[str, str]:
+    return spec if isinstance(spec, dict) else {"": spec}
 
 
 def _find_maker(spec: PolicySpec, task: Task, env_id: str, *, trust: bool) -> Contestant:

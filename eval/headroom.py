@@ -24,11 +24,12 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import describe_fleet
 from tagtrack.eval.contestants import find_makers, name_contestants
-from tagtrack.eval.metrics import Bootstrap, Interval
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, fleet_note, interval_cell, write_json
 from tagtrack.eval.rollout import Localizer, PolicyMaker, SeedBlock, block_seed
+from tagtrack.eval.statistics.bootstrap import Bootstrap
+from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
@@ -48,8 +49,9 @@ class Left:
     def share(self) -> Interval:
         """The gain as a share of the mean error, drawn anew by episodes."""
         bootstrap = Bootstrap()
-        counts = bootstrap.counts(len(self.gain))
-        return bootstrap.interval(self.gain.mean() / self.error.mean(), (counts @ self.gain) / (counts @ self.error))
+        episodes, counts = len(self.gain), bootstrap.counts(len(self.gain))
+        replicates = (counts @ self.gain) / (counts @ self.error)
+        return bootstrap.interval(bootstrap.estimate(self.gain.mean() / self.error.mean(), replicates, episodes=episodes))
 
 
 @dataclass(frozen=True, kw_only=True)

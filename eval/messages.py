@@ -14,12 +14,12 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.sim.modem import TdmaModem
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import compare
-from tagtrack.eval.metrics import Interval
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.plots import empty_figure, error_bars, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
+from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.eval.versions import collect_versions
 
 if TYPE_CHECKING:

@@ -1,78 +1,29 @@
 """How far off a belief was, and how sure that figure is, from the episodes of ``EpisodeRecord``.
 
-Every figure carries a percentile bootstrap interval
-in which whole episodes are drawn anew: the steps of one episode depend on each other, the episodes do not. Policies
-that met the same fish (paired episodes) are compared by a ratio drawn in pairs.
+Every figure carries an interval over episodes (``statistics.bootstrap``). Policies that met the same fish (paired episodes) are
+compared by a ratio drawn in pairs; a group of training runs counts its runs, too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from tagtrack.eval.episode_record import EpisodeRecord, Floats
+from tagtrack.eval.episode_record import EpisodeRecord, pool
+from tagtrack.eval.statistics.bootstrap import Bootstrap, interquartile_mean, pooled_quantile_replicates
+from tagtrack.eval.statistics.comparisons import wins
+from tagtrack.eval.statistics.estimate import UNDEFINED, Estimate, Floats, Interval
 
 # Range of the receiver (Clark et al. 2013, 4.1): a belief that is further off than this tells nobody where to listen.
 LOST_ERROR = 100.0
 
+SHARES = ("lost_fraction", "inside_perimeter")  # from 0 to 1
 
-@dataclass(frozen=True, kw_only=True)
-class Interval:
-    """A figure and its bootstrap interval; NaN where it is not defined."""
-
-    value: float
-    low: float
-    high: float
-
-    def to_json(self) -> dict[str, float | None]:
-        """The three numbers as JSON has them, null for what is not finite."""
-        numbers = {"value": self.value, "low": self.low, "high": self.high}
-        return {key: float(number) if math.isfinite(number) else None for key, number in numbers.items()}
-
-
-UNDEFINED = Interval(value=math.nan, low=math.nan, high=math.nan)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bootstrap:
-    """Percentile bootstrap over episodes (Efron and Tibshirani 1993, ch. 13).
-
-    The seed is fixed, so that the same records always give the same table, and so that all policies of a benchmark are
-    drawn with the same episodes.
-    """
-
-    resamples: int = 2000
-    level: float = 0.95
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.resamples < 1:
-            raise ValueError(f"resamples must be at least 1, got {self.resamples}")
-        if not 0 < self.level < 1:
-            raise ValueError(f"level must lie between 0 and 1, got {self.level}")
-
-    def counts(self, episodes: int) -> Floats:
-        """How often each episode is drawn: (R, E), rows sum to E; floats, because they go into matrix products."""
-        drawn = np.random.default_rng(self.seed).integers(episodes, size=(self.resamples, episodes))
-        cells = drawn + episodes * np.arange(self.resamples)[:, None]
-        counts = np.bincount(cells.ravel(), minlength=self.resamples * episodes)
-        return counts.reshape(self.resamples, episodes).astype(np.float64)
-
-    def interval(self, value: float | Floats, replicates: Floats) -> Interval:
-        """The middle `level` of the replicates (R,) about a figure."""
-        tail = (1 - self.level) / 2
-        low, high = np.quantile(replicates, (tail, 1 - tail))
-        return Interval(value=float(value), low=float(low), high=float(high))
-
-    def mean(self, values: ArrayLike) -> Interval:
-        """Mean of one value per episode (E,); a single episode has no interval, an undefined value no figure."""
-        values = np.asarray(values, dtype=np.float64)
-        counts = self.counts(values.size)
-        return _unless_single(values.size, self.interval(values.mean(), counts @ values / values.size))
+Metric = Callable[[EpisodeRecord], Floats]  # one number (E,) for each episode
+Runs = Sequence[EpisodeRecord]  # one policy, or the runs of one training
 
 
 def summarize(
@@ -80,44 +31,135 @@ def summarize(
     *,
     perimeter: float = math.nan,
     lost_error: float = LOST_ERROR,
+    metrics: Mapping[str, Metric] | None = None,
     bootstrap: Bootstrap | None = None,
 ) -> dict[str, Interval]:
     """The figures of one policy.
 
     Means (error, squared error, lost, range, inside) are taken over the steps of an episode first and then over
     episodes, so each episode weighs the same. Median and 95th percentile are those of all steps pooled, which is what
-    the words promise. The interquartile mean (Agarwal et al. 2021) drops the best and the worst quarter of episodes.
+    the words promise, as is the error of the steps that are not lost. The trimmed mean drops the best and the worst quarter of
+    episodes.
 
     Args:
         perimeter: distance that the vehicle should keep from the fish [m]; NaN where none is set.
         lost_error: a step is lost where the error exceeds this [m].
+        metrics: further figures by name, the mean of what each says of every episode.
     Returns:
-        `mean_error_m`, `median_error_m`, `rmse_m`, `p95_error_m`, `iqm_error_m`, `lost_fraction`, `mean_range_m`,
-        `inside_perimeter`, each with its interval; NaN where a figure is not defined or, for the ends, E = 1. Of a fleet
-        also those of `eval.fleet_metrics.summarize_fleet`.
+        `mean_error_m`, `median_error_m`, `rmse_m`, `p95_error_m`, `trimmed_mean_error_m`, `lost_fraction`,
+        `error_if_not_lost_m`, `mean_range_m`, `inside_perimeter` and those of ``metrics``, each with its interval; NaN where a
+        figure is not defined or, for the ends, E = 1. Of a fleet also those of `eval.fleet_metrics.summarize_fleet`.
     """
     bootstrap = bootstrap or Bootstrap()
-    episodes, error = record.episodes, record.error
-    counts = bootstrap.counts(episodes)
-    mean_error = np.nanmean(error, axis=1)
-    mean_square = np.nanmean(error**2, axis=1)
-    median, p95 = np.nanquantile(error, (0.5, 0.95))
-    median_replicates, p95_replicates = pooled_quantile_replicates(error, counts, (0.5, 0.95))
-    figures = {
-        "mean_error_m": bootstrap.mean(mean_error),
-        "median_error_m": bootstrap.interval(median, median_replicates),
-        "rmse_m": bootstrap.interval(math.sqrt(mean_square.mean()), np.sqrt(counts @ mean_square / episodes)),
-        "p95_error_m": bootstrap.interval(p95, p95_replicates),
-        "iqm_error_m": bootstrap.interval(interquartile_mean(mean_error), interquartile_mean(mean_error, counts)),
-        "lost_fraction": bootstrap.mean(_share_of_steps(error > lost_error, error)),
-        "mean_range_m": UNDEFINED,
-        "inside_perimeter": UNDEFINED,
-    }
+    figures = _error_estimates(record, lost_error, bootstrap)
+    intervals = {name: bootstrap.interval(estimate) for name, estimate in figures.items()}
+    intervals |= {"mean_range_m": UNDEFINED, "inside_perimeter": UNDEFINED}
+    for name, values in _episode_values(record, perimeter, lost_error, metrics or {}).items():
+        intervals[name] = (bootstrap.share if name in SHARES else bootstrap.mean)(values)
+    return intervals
+
+
+def summarize_runs(
+    runs: Runs,
+    *,
+    perimeter: float = math.nan,
+    lost_error: float = LOST_ERROR,
+    metrics: Mapping[str, Metric] | None = None,
+    bootstrap: Bootstrap | None = None,
+) -> dict[str, Interval]:
+    """As ``summarize`` of several training runs as one: each weighs the same, and the intervals hold for other runs as well."""
+    bootstrap = bootstrap or Bootstrap()
+    together, metrics = pool(runs), metrics or {}
+    fish = bootstrap.independent(together.episodes)
+    figures = {"mean_range_m": UNDEFINED, "inside_perimeter": UNDEFINED}
+    alone = [_error_values(run, lost_error) for run in runs]
+    for name, estimate in _error_estimates(together, lost_error, bootstrap).items():
+        figures[name] = bootstrap.interval(estimate.over_runs([run[name] for run in alone], fish))
+    measured = [_episode_values(run, perimeter, lost_error, metrics) for run in runs]
+    for name in measured[0]:
+        values = np.array([run[name] for run in measured])
+        figure = bootstrap.interval(bootstrap.mean_estimate(values.mean(axis=0)).over_runs(values.mean(axis=1), fish))
+        figures[name] = _within_shares(figure) if name in SHARES and values.any() else figure
+    return figures
+
+
+def _episode_values(
+    record: EpisodeRecord, perimeter: float, lost_error: float, metrics: Mapping[str, Metric]
+) -> dict[str, Floats]:
+    """What is averaged over episodes, each (E,)."""
+    values = {"lost_fraction": _share_of_steps(record.error > lost_error, record.error)}
     if record.range is not None:
-        figures["mean_range_m"] = bootstrap.mean(np.nanmean(record.range, axis=1))
-    if record.range is not None and not math.isnan(perimeter):
-        figures["inside_perimeter"] = bootstrap.mean(_share_of_steps(record.range < perimeter, error))
-    return {name: _unless_single(episodes, figure) for name, figure in figures.items()}
+        values["mean_range_m"] = np.nanmean(record.range, axis=1)
+        if not math.isnan(perimeter):
+            values["inside_perimeter"] = _share_of_steps(record.range < perimeter, record.error)
+    return values | {name: measure(name, metric, record) for name, metric in metrics.items()}
+
+
+def _error_values(record: EpisodeRecord, lost_error: float) -> dict[str, float]:
+    """The figures of the error without their intervals."""
+    error = record.error
+    mean_error = np.nanmean(error, axis=1)
+    median, p95 = np.nanquantile(error, (0.5, 0.95))
+    kept = error[error <= lost_error]
+    return {
+        "mean_error_m": float(mean_error.mean()),
+        "median_error_m": float(median),
+        "rmse_m": math.sqrt(np.nanmean(error**2, axis=1).mean()),
+        "p95_error_m": float(p95),
+        "trimmed_mean_error_m": float(interquartile_mean(mean_error)),
+        "error_if_not_lost_m": float(kept.mean()) if kept.size else math.nan,
+    }
+
+
+def _error_estimates(record: EpisodeRecord, lost_error: float, bootstrap: Bootstrap) -> dict[str, Estimate]:
+    """The same with their standard errors."""
+    error, episodes = record.error, record.episodes
+    counts = bootstrap.counts(episodes)
+    drawn = counts.sum(axis=1)
+    mean_error, mean_square = np.nanmean(error, axis=1), np.nanmean(error**2, axis=1)
+    median, p95 = pooled_quantile_replicates(error, counts, (0.5, 0.95))
+    kept = error <= lost_error
+    with np.errstate(divide="ignore", invalid="ignore"):
+        not_lost = (counts @ np.where(kept, error, 0.0).sum(axis=1)) / (counts @ kept.sum(axis=1))
+    replicates = {
+        "median_error_m": median,
+        "rmse_m": np.sqrt(counts @ mean_square / drawn),
+        "p95_error_m": p95,
+        "trimmed_mean_error_m": interquartile_mean(mean_error, counts),
+        "error_if_not_lost_m": not_lost[np.isfinite(not_lost)],
+    }
+    values = _error_values(record, lost_error)
+    return {"mean_error_m": bootstrap.mean_estimate(mean_error)} | {
+        name: bootstrap.estimate(values[name], drawn, episodes=episodes) for name, drawn in replicates.items()
+    }
+
+
+def error_quantiles(runs: Runs, shares: Floats, bootstrap: Bootstrap) -> list[Interval]:
+    """The error below which each share of the steps lies [m], of one policy or of the runs of a training."""
+    together = pool(runs) if len(runs) > 1 else runs[0]
+    values = np.nanquantile(together.error, shares)
+    replicates = pooled_quantile_replicates(together.error, bootstrap.counts(together.episodes), shares.tolist())
+    estimates = [bootstrap.estimate(value, drawn, episodes=together.episodes)
+                 for value, drawn in zip(values, replicates, strict=True)]
+    if len(runs) > 1:
+        alone = np.array([np.nanquantile(run.error, shares) for run in runs])
+        fish = bootstrap.independent(together.episodes)
+        estimates = [estimate.over_runs(column, fish) for estimate, column in zip(estimates, alone.T, strict=True)]
+    return [bootstrap.interval(estimate) for estimate in estimates]
+
+
+def measure(name: str, metric: Metric, record: EpisodeRecord) -> Floats:
+    """What a metric says of each episode (E,). Raises ValueError where it says something else."""
+    try:
+        found = np.asarray(metric(record))
+    except Exception as error:  # whatever a user's function may raise
+        raise ValueError(f"the metric {name!r} failed on a record of errors {record.error.shape}: {error!r}") from error
+    if found.shape != (record.episodes,) or found.dtype.kind not in "biuf":
+        raise ValueError(
+            f"the metric {name!r} must give one number for each episode, shape ({record.episodes},), got {found.dtype} of shape "
+            f"{found.shape}"
+        )
+    return found.astype(np.float64)
 
 
 def paired_ratio(first: EpisodeRecord, other: EpisodeRecord, *, bootstrap: Bootstrap | None = None) -> Interval:
@@ -126,85 +168,58 @@ def paired_ratio(first: EpisodeRecord, other: EpisodeRecord, *, bootstrap: Boots
     Both are drawn with the same episodes, so that a fish that is hard for both cancels. Raises ValueError if the
     records differ in their number of episodes.
     """
-    if first.episodes != other.episodes:
-        raise ValueError(f"paired records need the same episodes, got {first.episodes} and {other.episodes}")
     bootstrap = bootstrap or Bootstrap()
-    above, below = np.nanmean(first.error, axis=1), np.nanmean(other.error, axis=1)
-    if not below.any():
-        return UNDEFINED
-    counts = bootstrap.counts(first.episodes)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a draw of only perfect episodes
-        replicates = (counts @ above) / (counts @ below)
-    return _unless_single(first.episodes, bootstrap.interval(above.mean() / below.mean(), replicates))
+    return bootstrap.interval(ratio_estimate([first], [other], bootstrap))
 
 
-def ratios_to_first(records: Mapping[str, EpisodeRecord], *, bootstrap: Bootstrap | None = None) -> dict[str, Interval]:
-    """`paired_ratio` of the first record named over every other one, keyed `FIRST/NAME`."""
-    first, *others = records
-    return {f"{first}/{name}": paired_ratio(records[first], records[name], bootstrap=bootstrap) for name in others}
+def ratio_estimate(first: Runs, other: Runs, bootstrap: Bootstrap) -> Estimate | None:
+    """As ``paired_ratio``, with its standard errors; of several runs on either side the mean error over them.
 
-
-def interquartile_mean(values: Floats, counts: Floats | None = None) -> Floats:
-    """Mean of (E,) values without the lowest and the highest quarter (each rounded down to whole episodes).
-
-    Args:
-        counts: (R, E) how often each value is drawn; without it every value counts once.
-    Returns: (R,), or a number without counts.
-
-    >>> float(interquartile_mean(np.array([3.0, 1000.0, 5.0, 1.0])))
-    4.0
+    The variance of the logarithm is that over fish plus that over the runs of either side.
     """
-    order = np.argsort(values)
-    drawn = np.ones(values.size) if counts is None else counts[:, order]
-    cut = values.size // 4
-    # Of the copies of a value, those whose rank lies between the two cuts are kept: no resample needs sorting.
-    kept = np.diff(np.clip(np.cumsum(drawn, axis=-1), cut, values.size - cut), axis=-1, prepend=cut)
-    return kept @ values[order] / (values.size - 2 * cut)
+    if first[0].episodes != other[0].episodes:
+        raise ValueError(f"paired records need the same episodes, got {first[0].episodes} and {other[0].episodes}")
+    above, below = (np.array([np.nanmean(run.error, axis=1) for run in runs]) for runs in (first, other))
+    estimate = bootstrap.ratio_estimate(above.mean(axis=0), below.mean(axis=0))
+    for side in (above, below):
+        if estimate is not None and estimate.relative and len(side) > 1:
+            estimate = estimate.over_runs(side.mean(axis=1), bootstrap.independent(side.shape[1]))
+    return estimate
 
 
-def pooled_quantile_replicates(error: Floats, counts: Floats, probabilities: Sequence[float]) -> Floats:
-    """Quantiles of the pooled steps of each resample, exactly as `np.quantile` on the steps themselves would give them.
+def compare_runs(first: Runs, other: Runs, bootstrap: Bootstrap) -> dict[str, Interval | float]:
+    """How ``other`` stands to ``first`` on the same fish: ``ratio`` of the mean errors (``paired_ratio``), ``median_ratio``, the
+    median over episodes of the ratio of their mean errors, ``better``, the share of episodes in which ``other`` has the smaller
+    one, and ``p``, the two-sided p-value of a ratio of 1."""
+    estimate = ratio_estimate(first, other, bootstrap)
+    above = np.mean([np.nanmean(run.error, axis=1) for run in first], axis=0)
+    each = np.array([np.nanmean(run.error, axis=1) for run in other])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = above / each.mean(axis=0)
+    median: Estimate | None = None
+    if np.isfinite(ratios).all() and (ratios > 0).all():
+        replicates = pooled_quantile_replicates(ratios[:, None], bootstrap.counts(ratios.size), (0.5,))[0]
+        median = bootstrap.estimate(np.median(ratios), replicates, episodes=ratios.size)
+    shares = np.array([wins(above, run) for run in each])
+    better = bootstrap.mean_estimate(shares.mean(axis=0))
+    if len(each) > 1:
+        fish = bootstrap.independent(ratios.size)
+        better = better.over_runs(shares.mean(axis=1), fish)
+        if median is not None:
+            with np.errstate(divide="ignore"):
+                median = median.over_runs(np.median(above / each, axis=1), fish)
+    return {
+        "ratio": bootstrap.interval(estimate),
+        "median_ratio": bootstrap.interval(median),
+        "better": _within_shares(bootstrap.interval(better)),
+        "p": math.nan if estimate is None or not estimate.relative else estimate.p_value(),
+        "freedom": math.inf if estimate is None else estimate.freedom,
+    }
 
-    The steps are sorted once and cut into blocks. How many steps of a resample fall into each block is one matrix
-    product; only the block that holds the wanted rank is then counted step by step.
 
-    Args:
-        error: (E, K), NaN where there is no step.
-        counts: (R, E) how often each episode is drawn.
-    Returns: (P, R), one row per probability.
-    """
-    episode, step = np.nonzero(~np.isnan(error))
-    value = error[episode, step]
-    order = np.argsort(value)
-    value, episode = value[order], episode[order]
-    size = math.ceil(math.sqrt(value.size))
-    blocks = math.ceil(value.size / size)
-    members = np.bincount(episode * blocks + np.arange(value.size) // size, minlength=counts.shape[1] * blocks)
-    up_to = np.cumsum(counts @ members.reshape(-1, blocks), axis=1)  # (R, blocks) steps in this block or before it
-
-    def at_rank(rank: Floats) -> Floats:
-        found = np.empty(rank.size)
-        block = (up_to <= rank[:, None]).sum(axis=1)
-        for b in np.unique(block):
-            rows = np.flatnonzero(block == b)
-            before = up_to[rows, b - 1] if b else np.zeros(rows.size)
-            here = slice(b * size, (b + 1) * size)
-            within = np.cumsum(counts[np.ix_(rows, episode[here])], axis=1)
-            found[rows] = value[here][(within <= (rank[rows] - before)[:, None]).sum(axis=1)]
-        return found
-
-    last = up_to[:, -1] - 1
-    quantiles = []
-    for probability in probabilities:
-        position = probability * last
-        below, above = at_rank(np.floor(position)), at_rank(np.minimum(np.floor(position) + 1, last))
-        quantiles.append(below + (position % 1) * (above - below))
-    return np.array(quantiles)
+def _within_shares(figure: Interval) -> Interval:
+    return Interval(value=figure.value, low=max(figure.low, 0.0), high=min(figure.high, 1.0))
 
 
 def _share_of_steps(flag: NDArray[np.bool_], error: Floats) -> Floats:
     return flag.sum(axis=1) / (~np.isnan(error)).sum(axis=1)
-
-
-def _unless_single(episodes: int, figure: Interval) -> Interval:
-    return figure if episodes > 1 else Interval(value=figure.value, low=math.nan, high=math.nan)

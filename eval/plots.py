@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tagtrack.eval.metrics import LOST_ERROR, Floats, Interval
+from tagtrack.eval.metrics import LOST_ERROR
+from tagtrack.eval.statistics.estimate import Estimate, Floats, Interval
 from tagtrack.policies.files import replace_file
 
 if TYPE_CHECKING:
@@ -54,11 +55,17 @@ def save_figure(path: str | os.PathLike[str], figure: Figure) -> None:
         figure.savefig(temporary, format="png", dpi=150)
 
 
-def plot_errors(errors: Mapping[str, ArrayLike], *, lost_error: float = LOST_ERROR) -> Figure:
+SHARES = np.linspace(0.02, 0.98, 49)  # of steps, at which the distribution of errors has a band
+
+
+def plot_errors(
+    errors: Mapping[str, ArrayLike], *, bands: Mapping[str, Floats] | None = None, lost_error: float = LOST_ERROR
+) -> Figure:
     """Distribution of the localization error: for each policy the share of steps below an error.
 
     Args:
         errors: by policy, arrays of any shape [m]; NaN steps are left out.
+        bands: by policy, (2, 49) between which the error lies that ``SHARES`` of the steps stay below [m].
         lost_error: marked where it falls into the picture [m].
     """
     figure, (axes,) = empty_figure(width=9.0, height=4.8)
@@ -70,6 +77,9 @@ def plot_errors(errors: Mapping[str, ArrayLike], *, lost_error: float = LOST_ERR
         label = f"{name}, median {quantiles[500]:.3g} m"
         shown = np.maximum(quantiles, SMALLEST_ERROR)
         axes.plot(shown, 100 * share, color=colour, linestyle=style, lw=1.8, label=label)
+        if bands and np.isfinite(bands[name]).all():
+            low, high = np.maximum(bands[name], SMALLEST_ERROR)
+            axes.fill_betweenx(100 * SHARES, low, high, color=colour, alpha=0.2, lw=0)
         first.append(shown[10])
         last.append(shown[-3])  # the very largest errors would stretch the axis for nothing
     low, high = min(first), max(*last, 1.1 * min(first))
@@ -137,10 +147,10 @@ def _draw_paths(axes: Axes, track: Track) -> None:
 
 
 def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], levels: Mapping[str, float]) -> Figure:
-    """Validation error while learning.
+    """Validation error while learning; of several runs of one training their mean, with a band that holds it for other runs.
 
     Args:
-        curves: by run, (steps, error [m]) of equal length; NaN leaves a gap.
+        curves: by run, (steps (S,), error (S,) [m]), or errors (R, S) of R runs; NaN leaves a gap.
         levels: by heuristic, its error on the same episodes [m], drawn as a dashed line.
     """
     from matplotlib.ticker import EngFormatter
@@ -149,6 +159,11 @@ def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], level
     looks = _looks()
     for (name, curve), (colour, _) in zip(curves.items(), looks, strict=False):
         steps, error = (np.asarray(values, dtype=np.float64) for values in curve)
+        if error.ndim == 2:
+            runs, error = error, error.mean(axis=0)
+            each = [Estimate(value=mean, below=0.0, above=0.0, relative=True).over_runs(errors, 2**31).interval()
+                    for mean, errors in zip(error, runs.T, strict=True)]
+            axes.fill_between(steps, [e.low for e in each], [e.high for e in each], color=colour, alpha=0.2, lw=0)
         (line,) = axes.plot(steps, error, "o-", color=colour, ms=3, lw=1.6, label=name)
         if np.isfinite(error).any():
             best = int(np.nanargmin(error))

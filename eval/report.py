@@ -6,21 +6,21 @@ Both tables are made from the JSON document alone, so that an old result can be 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tagtrack.eval.metrics import Interval
-from tagtrack.eval.static_array import NAME, is_static_array
+from tagtrack.eval.statistics.clusters import FEWEST, Clusters
+from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.policies.files import replace_file
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from tagtrack.eval.comparison import Comparison
-
 Document = dict[str, Any]  # the layout of benchmark.json
+SIGNIFICANT = 0.05  # p-value, corrected for the number of comparisons, below which a ratio gets a star
 
 
 def benchmark_document(
@@ -29,71 +29,112 @@ def benchmark_document(
     episodes: int,
     seed: int,
     from_step: int = 0,
-    together: Sequence[str] = (),
+    groups: Mapping[str, Mapping[str, Mapping[str, float]]] | None = None,
     particles: int,
     tracks: Mapping[str, Any] | None = None,
+    clusters: Clusters | None = None,
     fleet: Mapping[str, Any] | None = None,
+    notes: Sequence[str] = (),
     versions: Mapping[str, str],
     policies: Mapping[str, Mapping[str, Interval]],
-    ratios: Mapping[str, Interval],
+    comparisons: Mapping[str, Mapping[str, Any]],
 ) -> Document:
     """What `benchmark.json` holds; figures are `{"value", "low", "high"}`, null where undefined.
 
     Args:
+        groups: of each training, its runs with their own `mean_error_m` and `ratio`.
         tracks: which recorded animals the fish were (`Task.describe_tracks`).
+        clusters: of episodes that swim the same stretch of a track.
         fleet: how many vehicles and tags (`comparison.describe_fleet`); left out of the document where there is one of each.
+        notes: sentences for the caption.
         policies: figures by policy, in the order of the table (`metrics.summarize`).
-        ratios: keyed `FIRST/NAME` (`metrics.ratios_to_first`).
+        comparisons: keyed `FIRST/NAME` (`metrics.compare_runs`).
     """
+    told = None if clusters is None else {"windows": round(clusters.windows, 1), "sufficient": clusters.suffices}
     return {
         "env": env,
         "episodes": episodes,
         "seed": seed,
         "from_step": from_step,
-        "together": list(together),
+        "groups": {name: {run: dict(figures) for run, figures in runs.items()} for name, runs in (groups or {}).items()},
         "particles": particles,
-        "tracks": None if tracks is None else dict(tracks),
+        "tracks": None if tracks is None else {**tracks, **(told or {})},
         **({} if fleet is None else {"fleet": dict(fleet)}),
+        "notes": list(notes),
         "versions": dict(versions),
         "policies": {
             policy: {figure: interval.to_json() for figure, interval in figures.items()}
             for policy, figures in policies.items()
         },
-        "ratios": {pair: interval.to_json() for pair, interval in ratios.items()},
+        "ratios": {pair: _ratio_to_json(found) for pair, found in comparisons.items()},
     }
 
 
-def table_rows(document: Document) -> tuple[list[str], list[list[str]]]:
-    """Header and one row per policy, as text; what no policy has (a perimeter, a second policy) gets no column."""
+def _ratio_to_json(found: Mapping[str, Any]) -> dict[str, Any]:
+    """The ratio's three numbers, and beside them what else the comparison found."""
+    numbers = {name: found[name] if math.isfinite(found[name]) else None for name in ("freedom", "p", "p_holm")}
+    return {**found["ratio"].to_json(), "median": found["median_ratio"].to_json(), "better": found["better"].to_json(), **numbers}
+
+
+COLUMNS = (
+    ("mean error [m]", "mean_error_m", 1),
+    ("median [m]", "median_error_m", 1),
+    ("95 % [m]", "p95_error_m", 1),
+    ("trimmed mean [m]", "trimmed_mean_error_m", 1),
+    ("lost [%]", "lost_fraction", 100),
+    ("error if not lost [m]", "error_if_not_lost_m", 1),
+    ("mean range [m]", "mean_range_m", 1),
+    ("inside perimeter [%]", "inside_perimeter", 100),
+)
+BRIEF = ("trimmed_mean_error_m", "mean_range_m", "rmse_m")  # left out of terminals, which are narrow
+
+
+def table_rows(document: Document, *, brief: bool = False) -> tuple[list[str], list[list[str]]]:
+    """Header and one row per policy, as text; what no policy has (a perimeter, a second policy) gets no column.
+
+    Args:
+        brief: for terminals: fewer columns, and intervals of the mean error and the ratio alone.
+    """
     policies = document["policies"]
     first = next(iter(policies))
-    columns: list[tuple[str, str, float]] = [
-        ("mean error [m]", "mean_error_m", 1),
-        ("median [m]", "median_error_m", 1),
-        ("95 % [m]", "p95_error_m", 1),
-        ("IQM [m]", "iqm_error_m", 1),
-        ("lost [%]", "lost_fraction", 100),
-        ("mean range [m]", "mean_range_m", 1),
-        ("inside perimeter [%]", "inside_perimeter", 100),
-    ]
+    columns: list[tuple[str, str, float]] = list(COLUMNS)
     if fleet := document.get("fleet"):
-        columns = [column for column in columns if column[1] != "lost_fraction"] + fleet_columns(fleet)
-    known = {name for figures in policies.values() for name, figure in figures.items() if figure["value"] is not None}
-    columns = [column for column in columns if column[1] in known]
+        columns = [column for column in columns if "lost" not in column[1]] + fleet_columns(fleet)
+    usual = {name for _, name, _ in columns} | {"rmse_m"}
+    known = [name for name, figure in policies[first].items() if name not in usual and not fleet_figure(name)]
+    columns += [(name, name, 1) for name in known]  # metrics of the user's own
+    having = {name for figures in policies.values() for name, figure in figures.items() if figure["value"] is not None}
+    columns = [column for column in columns if column[1] in having and not (brief and column[1] in BRIEF)]
     header = ["policy", *(title for title, _, _ in columns)]
     rows = []
     for policy, figures in policies.items():
         row = [policy]
         for _, figure, scale in columns:
-            shown = interval_cell if figure == "mean_error_m" else value_cell
+            shown = value_cell if brief and figure != "mean_error_m" else interval_cell
             row.append(shown(figures[figure], scale))
         rows.append(row)
     if len(policies) > 1:
-        header.append(f"{first} / policy")
+        header += [f"{first} / policy", *([] if brief else ["median of ratios"]), "better in [%]"]
         for row in rows:
-            ratio = document["ratios"].get(f"{first}/{row[0]}")
-            row.append("1" if ratio is None else interval_cell(ratio, 1))
+            row += _comparison_cells(document, f"{first}/{row[0]}", brief)
     return header, rows
+
+
+def _comparison_cells(document: Document, pair: str, brief: bool) -> list[str]:
+    """The cells that tell how a policy stands to the first one."""
+    found = document["ratios"].get(pair)
+    if found is None:
+        return ["1", *([] if brief else ["1"]), "-"]
+    several = len(document["ratios"]) > 1
+    star = " *" if several and found["p_holm"] is not None and found["p_holm"] < SIGNIFICANT else ""
+    median = [] if brief else [interval_cell(found["median"])]
+    better = (value_cell if brief else interval_cell)(found["better"], 100)
+    return [interval_cell(found) + star, *median, better]
+
+
+def fleet_figure(name: str) -> bool:
+    """Whether a figure is one of `fleet_metrics`."""
+    return name.startswith("tag_") or name in ("worst_tag_error_m", "encroachments_per_hour", "messages_per_hour")
 
 
 def fleet_columns(fleet: Mapping[str, Any]) -> list[tuple[str, str, float]]:
@@ -122,27 +163,40 @@ def caption(document: Document) -> str:
     later = f"from step {first_step} on, " if (first_step := document.get("from_step")) else ""
     text = (
         f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, {later}"
-        f"{document['particles']} particles; in brackets 95 % bootstrap intervals over episodes."
+        f"{document['particles']} particles; in brackets 95 % intervals over episodes."
     )
     if fleet := document.get("fleet"):
         text += fleet_note(fleet)
     if document["ratios"]:
         first = next(iter(document["policies"]))
-        text += f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better."
-    if together := document.get("together"):
-        text += f" {len(together)} runs: {', '.join(together)} taken together, each episode with the steps of all."
-    if any(is_static_array(policy) for policy in document["policies"]):
         text += (
-            f" {NAME} is no policy: four moored receivers about the origin (a square of 200 m, or of the side named) that hear "
-            "every ping, each arrival with an error of 1 ms, and locate it by WLS-ML."
+            f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better. It is better in "
+            "so many of the episodes, a tie counting half."
         )
+    if len(document["ratios"]) > 1:
+        text += f" A star: another ratio than 1 even for {len(document['ratios'])} comparisons at once (Holm, 5 %)."
+    for name, runs in document.get("groups", {}).items():
+        ratios = ", ".join(_number(run["ratio"]) for run in runs.values())
+        text += f" {name} is {len(runs)} training runs, ratios {ratios}: its intervals hold for other runs as well."
+    text += "".join(f" {note}" for note in document.get("notes", ()))
     if tracks := document.get("tracks"):
-        source = f" of {tracks['file']}" if tracks["file"] else ""  # none for tracks that a program made
-        text += (
-            f" The fish swim recorded tracks{source} at {tracks['time_scale']:g} times their speed: animals "
-            f"{tracks['animals']}, unbroken stretches {tracks['stretches']}, {tracks['hours']:g} h in all."
-        )
+        text += _track_note(tracks)
     return text
+
+
+def _track_note(tracks: Mapping[str, Any]) -> str:
+    """A few words on recorded tracks, and how many episodes of them tell something new."""
+    source = f" of {tracks['file']}" if tracks["file"] else ""  # none for tracks that a program made
+    text = (
+        f" The fish swim recorded tracks{source} at {tracks['time_scale']:g} times their speed: animals "
+        f"{tracks['animals']}, unbroken stretches {tracks['stretches']}, {tracks['hours']:g} h in all"
+    )
+    if "windows" not in tracks:
+        return f"{text}."
+    text += f", {tracks['windows']:g} episodes that share nothing; "
+    if tracks["sufficient"]:
+        return f"{text}these, of these animals, are what intervals draw from."
+    return f"{text}fewer than {FEWEST}, so that there are no intervals."
 
 
 def markdown_table(document: Document) -> str:
@@ -160,7 +214,7 @@ def as_markdown(header: Sequence[str], rows: Sequence[Sequence[str]], note: str)
 
 def console_table(document: Document) -> Table:
     """The table for the terminal: `rich.print(console_table(document))`."""
-    return as_console_table(*table_rows(document), caption(document))
+    return as_console_table(*table_rows(document, brief=True), caption(document))
 
 
 def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
@@ -178,13 +232,6 @@ def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note:
         # Text and not str: a folder named "[red]" is a name and no markup.
         table.add_row(Text(policy), *(Text(_stacked(cell)) for cell in cells))
     return table
-
-
-def print_table(comparison: Comparison) -> None:
-    """Print the table of a comparison."""
-    import rich
-
-    rich.print(console_table(comparison.document({})))
 
 
 def write_benchmark(folder: str | os.PathLike[str], document: Document) -> tuple[Path, Path]:
@@ -226,7 +273,7 @@ def interval_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
 
 def _stacked(text: str) -> str:
     """An interval below its figure and a title over several lines: nine columns have to fit a terminal of 80."""
-    for mark in (" [", " range", " error", " perimeter", " policy", " near", " tag"):
+    for mark in (" [", " range", " error", " perimeter", " policy", " near", " tag", " if", " lost", " in ["):
         text = text.replace(mark, "\n" + mark.strip())
     return text
 

@@ -12,10 +12,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from tagtrack.envs.motions.replay import START_ROW, Replay, find_stretches, make_table
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.statistics.clusters import Clusters, cluster_windows
 from tagtrack.eval.step_log import EpisodeLog
 from tagtrack.policies.protocol import Policy
 
@@ -154,6 +156,23 @@ def watch_fish(
                 on_step(simulation.num_worlds)
         simulation.close()
     return Truth(fish=fish, pinged=pinged)
+
+
+def cluster_episodes(task: Task, *, episodes: int, seed: int, batch: int = 128) -> Clusters | None:
+    """Which episodes swim the same stretch of a recorded track; None where fish do not replay any."""
+    if task.tracks is None or not isinstance(task.scenario.fish, Replay):
+        return None
+    scenario = with_overrides(task.scenario, {"belief.particles": 1})
+    start = np.empty((episodes, scenario.targets), np.int64)
+    for first in range(0, episodes, batch):
+        rows = slice(first, min(first + batch, episodes))
+        simulation = Simulation(scenario, rows.stop - first, tracks=task.tracks)
+        simulation.reset(seed + first)
+        start[rows] = simulation.worlds.targets["memory"][..., START_ROW]
+        simulation.close()
+    last = make_table(task.tracks, task.scenario.fish, scenario.time_step, scenario.episode_steps).last
+    stretches = find_stretches(task.tracks, task.scenario.fish, scenario.time_step, scenario.episode_steps)
+    return cluster_windows(start, last, scenario.episode_steps, animals=len({stretch.tag for stretch in stretches}))
 
 
 def _run(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,6 +27,10 @@ NOISE = 4  # keeps the arrivals' noise apart from other random numbers of an epi
 class StaticArray:
     """Four receivers on a square about the origin, where vehicles start: neither knows where the fish begins."""
 
+    note: ClassVar[str] = (
+        f"{NAME} is no policy: four moored receivers about the origin (a square of 200 m, or of the side named) that hear every "
+        "ping, each arrival with an error of 1 ms, and locate it by WLS-ML."
+    )
     baseline: float = 200.0  # side of the square [m]
     setting: ArraySetting = field(default_factory=ArraySetting)  # 1500 m/s, arrivals known to 1 ms
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,28 +13,87 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.baselines.registry import BASELINES, LEADING_PARAMETERS
+from tagtrack.baselines.registry import BASELINES, LEADING_PARAMETERS, usual_parameters
+from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import Comparison, compare, describe_fleet
-from tagtrack.eval.metrics import Bootstrap, Interval, paired_ratio
+from tagtrack.eval.metrics import paired_ratio
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, fleet_columns, fleet_note, interval_cell, value_cell, write_json
 from tagtrack.eval.rollout import SeedBlock
+from tagtrack.eval.statistics.bootstrap import Bootstrap
+from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.eval.versions import collect_versions
 
-# What is tried without --values, by parameter: metres, degrees, pings, seconds.
-USUAL_VALUES: Mapping[str, tuple[float, ...]] = {
-    "radius": (5, 7, 10, 14, 20, 28, 40, 56, 80),
-    "tau": (5, 10, 15, 20, 25, 30, 35, 40, 45),  # beyond, the steps are never steered: pursuit
-    "perimeter": (0, 5, 10, 15, 20, 30, 40),
-    "horizon": (1, 2, 3, 5, 8, 13),
-    "centroid": (0, 1),
-    "radius_step": (0, 2, 5, 10, 20),
-    "spacing": (0, 0.15, 0.3, 0.45, 0.6),
-    "hold": (6, 12, 20, 30, 60, 120),
-    "watch": (6, 12, 20, 30, 60, 120),
-    "per_metre": (0, 0.05, 0.1, 0.2, 0.4, 0.7),
-}
+LONGER = 2  # times that a grid goes on beyond an end at which the best lies
+EACH_WAY = 3  # values that a refinement tries on either side of the best
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """What is tried without --values."""
+
+    values: tuple[float, ...]
+    whole: bool = False  # numbers
+    geometric: bool = False  # may go on at either end, each value so many times the one before
+
+
+def usual_grid(parameter: str, scenario: Scenario) -> Grid | None:
+    """A usual range of a baseline's parameter, in the task's own lengths and times; None where there is none."""
+    length, interval = scenario.scale.length, max(scenario.tag.longest_interval, scenario.time_step)
+    grids = {
+        "radius": Grid(values=_times(usual_radius(scenario), (0.35, 0.5, 0.7, 1, 1.4, 2, 2.8)), geometric=True),
+        "tau": Grid(values=(5, 10, 15, 20, 25, 30, 35, 40, 45)),  # beyond, the steps are never steered: pursuit
+        "perimeter": Grid(values=_times(length, (0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8))),
+        "horizon": Grid(values=(1, 2, 3, 5, 8, 13), whole=True, geometric=True),
+        "centroid": Grid(values=(0, 1)),
+        "radius_step": Grid(values=_times(length, (0, 0.04, 0.1, 0.2, 0.4))),
+        "spacing": Grid(values=(0, 0.15, 0.3, 0.45, 0.6)),
+        "hold": Grid(values=_times(interval, (3, 6, 10, 15, 30, 60)), geometric=True),
+        "watch": Grid(values=_times(interval, (3, 6, 10, 15, 30, 60)), geometric=True),
+        "per_metre": Grid(values=_times(1 / length, (0, 2.5, 5, 10, 20, 35))),
+    }
+    return grids.get(parameter)
+
+
+def _times(unit: float, multiples: Sequence[float]) -> tuple[float, ...]:
+    return tuple(float(f"{unit * multiple:.3g}") for multiple in multiples)
+
+
+def usual_radius(scenario: Scenario) -> float:
+    """About where a good circle is [m]: the usual one of ranging and presence, a fifth of the task's length of others."""
+    return float(usual_parameters(scenario).get("radius", 0.2 * scenario.scale.length))
+
+
+def longer(grid: Grid, tried: Sequence[float], best: float) -> list[float]:
+    """Two more values beyond the end of those tried, if the best lies there and the grid may go on."""
+    values = sorted(tried)
+    if not grid.geometric or len(values) < 2 or best not in (values[0], values[-1]):
+        return []
+    factor = values[1] / values[0] if best == values[0] else values[-1] / values[-2]
+    beyond = [best * factor**k if best == values[-1] else best / factor**k for k in (1, 2)]
+    return _not_yet([float(round(value)) if grid.whole else float(f"{value:.3g}") for value in beyond], tried)
+
+
+def finer(grid: Grid, tried: Sequence[float], best: float) -> list[float]:
+    """Values between the best and its neighbours: the middles, or whole numbers."""
+    values = sorted(tried)
+    place = values.index(best)
+    found: list[float] = []
+    for other in values[max(place - 1, 0) : place] + values[place + 1 : place + 2]:
+        if grid.whole:
+            between = np.arange(min(best, other) + 1, max(best, other))
+            near = between[np.argsort(np.abs(between - best), kind="stable")][:EACH_WAY]
+            found += sorted(float(value) for value in near)
+        else:
+            middle = math.sqrt(best * other) if grid.geometric else (best + other) / 2
+            found.append(float(f"{middle:.3g}"))
+    return _not_yet(found, tried)
+
+
+def _not_yet(values: Sequence[float], tried: Sequence[float]) -> list[float]:
+    return [value for value in dict.fromkeys(values) if value not in tried and value >= 0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +110,7 @@ class Tune:
     parameter: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(the one behind the colon)")] = None
     """Its parameter: radius (circle), tau in degrees (three_step), horizon in pings (information) ..."""
     values: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...", help_behavior_hint="(a usual range)")] = ()
-    """Values to try."""
+    """Values to try; without them a usual range for the task, which goes on where the best lies at its end, and gets finer."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=256))
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """JSON file to write."""
@@ -57,41 +118,94 @@ class Tune:
     def run(self) -> None:
         """Run it."""
         self.trial.check()
-        task, env_id = self.task.build(), self.task.env_id
-        specs = self.specifications()
+        task = self.task.build()
+        grid = self.grid(task.scenario)
         require_writable_file(self.out)
-        with progress_bar(len(specs) * self.trial.episodes * task.scenario.episode_steps) as advance:
-            comparison = compare(
-                task,
-                list(specs),
-                block=SeedBlock.TUNING,
-                episodes=self.trial.episodes,
-                seed=self.trial.seed,
-                threads=self.trial.threads,
-                env_id=env_id,
-                on_step=advance,
-            )
-        document = tuning_document(comparison, specs, collect_versions())
+        tried = list(grid.values)
+        comparison = self.compare(task, tried, "grid")
+        best = self.value_of(best_policy(comparison))
+        if not self.values:
+            for _ in range(LONGER):
+                if not (more := longer(grid, tried, best)):
+                    break
+                comparison, best, tried = self.go_on(task, comparison, tried, more, "beyond")
+            if grid.whole or grid.geometric or len(tried) > 2:
+                if more := finer(grid, tried, best):
+                    comparison, best, tried = self.go_on(task, comparison, tried, more, "finer")
+        document = tuning_document(comparison, {self.spec(value): value for value in sorted(tried)}, collect_versions())
         print_tuning(document)
+        for line in edge_notes(best, tried, grid):
+            print(line)
         if self.out is not None:
             write_json(self.out, document)
             print(f"written: {self.out}")
 
-    def specifications(self) -> dict[str, float]:
-        """The value tried by each baseline's specification. Raises ValueError where there is nothing to try."""
-        name, colon, _ = self.policy.partition(":")
+    def compare(self, task: Task, values: Sequence[float], stage: str) -> Comparison:
+        """The baseline with each of some values, on the episodes for tuning."""
+        trial = self.trial
+        with progress_bar(len(values) * trial.episodes * task.scenario.episode_steps) as advance:
+            return compare(
+                task,
+                [self.spec(value) for value in values],
+                block=SeedBlock.TUNING,
+                episodes=trial.episodes,
+                seed=trial.seed,
+                threads=trial.threads,
+                env_id=self.task.env_id,
+                on_step=lambda name, steps: advance(f"{stage}: {name}", steps),
+            )
+
+    def go_on(
+        self, task: Task, before: Comparison, tried: list[float], more: Sequence[float], stage: str
+    ) -> tuple[Comparison, float, list[float]]:
+        """With more values: all that was found, the best value, all values tried."""
+        found = self.compare(task, more, stage)
+        both = replace(
+            before, records={**before.records, **found.records}, summaries={**before.summaries, **found.summaries}
+        )
+        return both, self.value_of(best_policy(both)), [*tried, *more]
+
+    @property
+    def name(self) -> str:
+        """Of the parameter. Raises ValueError for an unknown baseline or one without a number to tune."""
+        name = self.policy.partition(":")[0]
         if name not in BASELINES:
             raise ValueError(f"unknown baseline {name!r}; known: {', '.join(BASELINES)}")
         parameter = self.parameter or LEADING_PARAMETERS.get(name)
         if parameter is None:
             raise ValueError(f"{name} has no number to tune; those that have: {', '.join(LEADING_PARAMETERS)}")
-        values = self.values or USUAL_VALUES.get(parameter, ())
-        if not values:
-            raise ValueError(f"there is no usual range for {parameter} of {name}; give --values")
+        return parameter
+
+    def grid(self, scenario: Scenario) -> Grid:
+        """What is tried. Raises ValueError where there is nothing to try."""
+        usual = usual_grid(self.name, scenario)
+        if self.values:
+            return Grid(values=tuple(dict.fromkeys(float(value) for value in self.values)))
+        if usual is None:
+            raise ValueError(f"there is no usual range for {self.name} of {self.policy}; give --values")
+        return usual
+
+    def spec(self, value: float) -> str:
+        """The baseline with a value of its parameter."""
+        name, colon, _ = self.policy.partition(":")
         if colon:
-            return {f"{self.policy},{parameter}={value:.10g}": value for value in values}
-        key = "" if parameter == LEADING_PARAMETERS.get(name) else f"{parameter}="
-        return {f"{name}:{key}{value:.10g}": value for value in values}
+            return f"{self.policy},{self.name}={value:.10g}"
+        key = "" if self.name == LEADING_PARAMETERS.get(name) else f"{self.name}="
+        return f"{name}:{key}{value:.10g}"
+
+    def value_of(self, spec: str) -> float:
+        """The value of a baseline that ``spec`` made."""
+        return float(re.split("[:=]", spec)[-1])
+
+
+def edge_notes(best: float, tried: Sequence[float], grid: Grid) -> list[str]:
+    """A warning where the best is the least or the largest value tried, and another might be better still."""
+    ends = {min(tried): "least", max(tried): "largest"}
+    if len(tried) < 2 or best not in ends or (ends[best] == "least" and best == 0) or set(tried) <= {0.0, 1.0}:
+        return []
+    if grid.whole and best == 1:
+        return []
+    return [f"warning: the best is the {ends[best]} value tried, {best:.10g}; try --values beyond it"]
 
 
 def tuning_document(comparison: Comparison, specs: Mapping[str, float], versions: Mapping[str, str]) -> dict[str, Any]:

@@ -116,7 +116,7 @@ def own_errors(task: Task, policy: str, *, episodes: int, seed: int, steps: int 
 def run(options: argparse.Namespace) -> None:
     """The command."""
     from tagtrack.envs.task import build_task, parse_overrides
-    from tagtrack.eval.metrics import Bootstrap
+    from tagtrack.eval.statistics.bootstrap import Bootstrap
 
     overrides = tuple(text for group in options.set for text in group)
     task = build_task(options.env, overrides=parse_overrides(list(overrides), None), particles=options.particles)
@@ -135,8 +135,7 @@ def run(options: argparse.Namespace) -> None:
         seconds += helm.seconds
         tell()
     bootstrap = Bootstrap()
-    counts = bootstrap.counts(options.episodes)
-    ratio = bootstrap.interval(played.mean() / own.mean(), (counts @ played) / (counts @ own))
+    ratio = bootstrap.interval(bootstrap.ratio_estimate(played, own))
     print(
         f"{task.env_id} by {options.receiver} and {options.vehicle}, {options.policy}, {options.episodes} episodes: mean error "
         f"{played.mean():.3f} m, the environment's own {own.mean():.3f} m, "

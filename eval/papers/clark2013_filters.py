@@ -12,11 +12,11 @@ from scipy.stats import spearmanr
 from tagtrack.envs.belief.assumptions import FILTERS, Belief
 from tagtrack.envs.belief.refilter import Recording, refilter
 from tagtrack.envs.motions import BrownianWalk, LevyFlight, StraightAndIdle
-from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.clark2013_twin import OFFLINE_SECONDS, TIME_STEP, moving_scenario, printed_filter, record_missions
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.printed import CLARK2013_TABLE_III
+from tagtrack.eval.statistics.estimate import Floats
 
 PAPER, TABLE = "clark2013", "Table III"
 LEVY_UNCUT = 1e5  # [m/s]; Alg. 4 cuts no step

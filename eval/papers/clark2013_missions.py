@@ -14,7 +14,6 @@ from tagtrack.envs.motions import MomentumRandomWalk
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors import StereoHydrophone
 from tagtrack.eval.consistency import TABLE_II, table_ii_proportions
-from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.clark2013_twin import (
     SETTLING,
     STATIONARY_SECONDS,
@@ -27,6 +26,7 @@ from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size,
 from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.printed import CLARK2013_SIGNAL_RATES, CLARK2013_TABLE_V
 from tagtrack.eval.plots import COLOURS, Track, empty_figure, plot_track
+from tagtrack.eval.statistics.estimate import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

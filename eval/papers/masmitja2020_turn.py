@@ -11,7 +11,6 @@ import numpy as np
 
 from tagtrack.envs.belief.assumptions import AOTT, Belief
 from tagtrack.envs.sensors import PresenceReceiver
-from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.frame import Experiment, Findings, Row, Setting, Size, make_row
 from tagtrack.eval.papers.masmitja2020_twin import (
     MAX_RANGE,
@@ -28,6 +27,7 @@ from tagtrack.eval.papers.masmitja2020_twin import (
 )
 from tagtrack.eval.papers.printed import MASMITJA2020_FIG_3D, MASMITJA2020_LOST
 from tagtrack.eval.plots import COLOURS, FAINT, empty_figure
+from tagtrack.eval.statistics.estimate import Floats
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,9 +21,9 @@ from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
 from tagtrack.envs.task import Task
-from tagtrack.eval.metrics import Floats
 from tagtrack.eval.papers.frame import Setting
 from tagtrack.eval.rollout import roll_out
+from tagtrack.eval.statistics.estimate import Floats
 
 PAPER = "masmitja2020"
 TIME_STEP = 10.0  # [s]

@@ -6,20 +6,18 @@ import sys
 
 import pytest
 
+from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.eval.options import ManyParticles, TaskOptions
 from tagtrack.eval.rollout import SeedBlock, block_seed
+from tagtrack.eval.tune import finer, longer, usual_grid
 from tests.eval.conftest import PARTICLES, SHORT
 
-FIGURES = [
-    "mean_error_m",
-    "median_error_m",
-    "rmse_m",
-    "p95_error_m",
-    "iqm_error_m",
-    "lost_fraction",
-    "mean_range_m",
-    "inside_perimeter",
-]
+FIGURES = {
+    "mean_error_m", "median_error_m", "rmse_m", "p95_error_m", "trimmed_mean_error_m", "error_if_not_lost_m", "lost_fraction",
+    "mean_range_m", "inside_perimeter",
+}  # fmt: skip
+
+AREA = SCENARIOS["TagTrack/AreaOnly-v0"]
 
 
 def run_eval(*arguments, cwd):
@@ -34,7 +32,7 @@ def read_json(path):
 def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     save_run(tmp_path / "my_run")
     save_run(tmp_path / "my_other_run")
-    arguments = ("--policies", "three_step", "circle:40", "my_run", "my_other_run", "--together", "--out", "out", "--seed", "5")
+    arguments = ("--policies", "three_step", "circle:40", "both=my_run,my_other_run", "--out", "out", "--seed", "5")
     done = run_eval("benchmark", "--env", "LeopardShark-v0", *SHORT, *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "three_step" in done.stdout
@@ -47,19 +45,19 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in out.glob("*.png"))
     result = read_json(out / "benchmark.json")
     assert list(result) == [
-        "env", "episodes", "seed", "from_step", "together", "particles", "tracks", "versions", "policies", "ratios",
+        "env", "episodes", "seed", "from_step", "groups", "particles", "tracks", "notes", "versions", "policies", "ratios",
     ]  # fmt: skip
     assert result["env"] == "TagTrack/LeopardShark-v0"
     assert (result["episodes"], result["seed"], result["particles"]) == (6, 5, PARTICLES)
     assert {"tagtrack", "commit", "python", "numpy", "numba"} <= set(result["versions"])
-    assert list(result["policies"]) == ["three_step", "circle:40", "my_run", "my_other_run", "2 runs"]
+    assert list(result["policies"]) == ["three_step", "circle:40", "both"]
     for figures in result["policies"].values():
-        assert list(figures) == FIGURES
+        assert set(figures) == FIGURES
         assert all(list(figure) == ["value", "low", "high"] for figure in figures.values())
         assert figures["inside_perimeter"]["value"] is None  # LeopardShark has no perimeter
-    assert list(result["ratios"]) == [f"three_step/{name}" for name in ("circle:40", "my_run", "my_other_run", "2 runs")]
+    assert list(result["ratios"]) == [f"three_step/{name}" for name in ("circle:40", "both")]
     asked = read_json(out / "config.json")
-    assert asked["policies"]["my_run"] == "my_run"
+    assert asked["policies"]["both"] == {"my_run": "my_run", "my_other_run": "my_other_run"}
     assert asked["overrides"] == {"episode_steps": "40"}
 
 
@@ -70,7 +68,7 @@ def test_fleets_have_columns_of_their_own(tmp_path):
     result = read_json(tmp_path / "out/benchmark.json")
     assert result["fleet"] == {"vehicles": 2, "tags": 3, "modem": "tdma"}
     for figures in result["policies"].values():
-        assert list(figures)[: len(FIGURES)] == FIGURES
+        assert set(figures) > FIGURES
         tags = [figures[f"tag_{tag}_error_m"]["value"] for tag in range(3)]
         assert figures["mean_error_m"]["value"] == pytest.approx(sum(tags) / 3)
         assert figures["worst_tag_error_m"]["value"] >= max(tags)
@@ -148,9 +146,9 @@ def test_results_say_which_animals_were_replayed(tmp_path):
     done = run_eval("benchmark", *SHORT, *arguments, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     told = {"file": "herd.csv", "animals": 2, "stretches": 3, "hours": 8.0, "time_scale": 20.0, "longest_gap": 900.0}
-    assert read_json(tmp_path / "out/benchmark.json")["tracks"] == told
+    assert read_json(tmp_path / "out/benchmark.json")["tracks"] == told | {"windows": pytest.approx(18.1), "sufficient": False}
     assert read_json(tmp_path / "out/config.json")["replayed"] == told
-    line = "recorded tracks of herd.csv at 20 times their speed: animals 2, unbroken stretches 3, 8 h in all."
+    line = "recorded tracks of herd.csv at 20 times their speed: animals 2, unbroken stretches 3, 8 h in all, "
     assert line in (tmp_path / "out/table.md").read_text()
     assert line in " ".join(done.stdout.split())
 
@@ -206,6 +204,41 @@ def test_tune_finds_the_radius_on_seeds_that_no_benchmark_uses(evaluate, tmp_pat
 def test_tune_takes_any_number_of_any_baseline(evaluate, tmp_path, asked, specs):
     assert evaluate("tune", *SHORT, "--episodes", "2", *asked, "--out", tmp_path / "tune.json")[0] == 0
     assert [row["policy"] for row in read_json(tmp_path / "tune.json")["values"]] == specs
+
+
+@pytest.mark.parametrize(
+    ("parameter", "values", "best", "beyond"),
+    [
+        ("radius", (10, 14, 20), 20, [28.6, 40.8]),
+        ("radius", (10, 14, 20), 10, [7.14, 5.1]),
+        ("radius", (10, 14, 20), 14, []),
+        ("horizon", (1, 2, 3, 5), 5, [8, 14]),
+        ("horizon", (1, 2, 3, 5), 1, [0]),
+        ("tau", (5, 10), 10, []),
+    ],
+)
+def test_a_grid_goes_on_where_the_best_lies_at_its_end(parameter, values, best, beyond):
+    grid = usual_grid(parameter, Scenario())
+    assert longer(grid, values, best) == beyond
+
+
+def test_a_grid_gets_finer_about_the_best():
+    assert finer(usual_grid("radius", Scenario()), [5.0, 10.0, 20.0], 10.0) == [7.07, 14.1]
+    assert finer(usual_grid("horizon", Scenario()), [1, 5, 13], 5) == [2, 3, 4, 6, 7, 8]
+    assert finer(usual_grid("tau", Scenario()), [5, 10], 10) == [7.5]
+
+
+def test_usual_grids_are_of_the_tasks_own_size():
+    assert max(usual_grid("radius", Scenario()).values) < 50
+    assert 340 in range(int(min(usual_grid("radius", AREA).values)), int(max(usual_grid("radius", AREA).values)))
+
+
+def test_tune_without_values_refines_and_with_values_warns_of_the_edge(evaluate, tmp_path):
+    status, out, _ = evaluate("tune", *SHORT, "--episodes", "2", "--out", tmp_path / "tune.json")
+    assert status == 0
+    assert len(read_json(tmp_path / "tune.json")["values"]) > len(usual_grid("radius", Scenario()).values)
+    status, out, _ = evaluate("tune", *SHORT, "--episodes", "2", "--values", "5", "90")
+    assert status == 0 and "warning: the best is the" in out and "try --values beyond it" in out
 
 
 def test_tradeoff_draws_heuristics_and_runs(evaluate, tmp_path, save_run):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tagtrack.baselines.registry import make_baseline
+from tagtrack.envs.task import build_task
 from tagtrack.eval import compare
 from tagtrack.eval.comparison import typical_episodes
-from tagtrack.eval.contestants import find_makers, name_contestants
+from tagtrack.eval.contestants import find_makers, name_contestants, name_groups
 from tagtrack.eval.metrics import paired_ratio
 from tagtrack.eval.report import caption
 from tagtrack.eval.rollout import SeedBlock
@@ -42,24 +43,58 @@ def test_steps_before_the_first_that_counts_are_in_no_figure(task):
     assert "from step" not in caption(whole.document({}))
 
 
-def test_runs_taken_together_weigh_the_same_in_each_episode(task):
+def test_runs_of_a_training_are_one_row_in_which_each_weighs_the_same(task):
     seeds = {"seed0": "circle:20", "seed1": "circle:60"}
-    comparison = compare(task, {"pursuit": "pursuit", **seeds}, episodes=5, together=list(seeds))
-    each, both = comparison.mean_errors(), comparison.mean_errors()["2 runs"]
+    comparison = compare(task, {"pursuit": "pursuit", **seeds, "learned": seeds}, episodes=5)
+    each, both = comparison.mean_errors(), comparison.mean_errors()["learned"]
     np.testing.assert_allclose(both, (each["seed0"] + each["seed1"]) / 2)
-    assert comparison.ratios["pursuit/2 runs"].value == pytest.approx(each["pursuit"].mean() / both.mean())
-    ranges = [comparison.summaries[name]["mean_range_m"].value for name in (*seeds, "2 runs")]
+    assert comparison.ratios["pursuit/learned"].value == pytest.approx(each["pursuit"].mean() / both.mean())
+    ranges = [comparison.summaries[name]["mean_range_m"].value for name in (*seeds, "learned")]
     assert ranges[2] == pytest.approx((ranges[0] + ranges[1]) / 2)
-    assert "2 runs: seed0, seed1 taken together" in caption(comparison.document({}))
+    document = comparison.document({})
+    assert document["groups"]["learned"]["seed1"]["mean_error_m"] == pytest.approx(each["seed1"].mean())
+    assert "learned is 2 training runs, ratios " in caption(document)
 
 
-@pytest.mark.parametrize(
-    ("names", "together", "complaint"),
-    [(("one", "other"), ("one", "third"), "'third' cannot"), (("one", "2 runs"), ("one", "2 runs"), "rename its folder")],
-)
-def test_a_row_of_all_together_needs_policies_and_a_name_of_its_own(task, names, together, complaint):
+def test_groups_are_named_on_command_lines():
+    assert name_groups(["circle:radius=40", "mine=runs/a,runs/b", "uncertain:spacing=0.3"]) == {
+        "circle:radius=40": "circle:radius=40", "mine": {"a": "runs/a", "b": "runs/b"},
+        "uncertain:spacing=0.3": "uncertain:spacing=0.3",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(("specs", "complaint"), [(["mine="], "the group 'mine=' has no run"), (["a=x", "a=y"], "name 'a'")])
+def test_a_group_needs_runs_and_a_name_of_its_own(specs, complaint):
     with pytest.raises(ValueError, match=complaint):
-        compare(task, dict.fromkeys(names, "pursuit"), episodes=1, together=together)
+        name_groups(specs)
+
+
+def test_a_mapping_without_runs_is_refused(task):
+    with pytest.raises(ValueError, match="the group 'learned' has no run"):
+        compare(task, {"pursuit": "pursuit", "learned": {}}, episodes=1)
+
+
+def test_a_metric_is_tried_before_the_first_step(task):
+    steps = []
+    with pytest.raises(ValueError, match="the metric 'odd' must give one number for each episode"):
+        odd = {"odd": lambda record: record.error.mean()}
+        compare(task, ["pursuit"], episodes=2, metrics=odd, on_step=lambda name, done: steps.append(done))
+    assert not steps
+
+
+def test_recorded_tracks_tell_how_many_episodes_share_nothing(tmp_path):
+    time = np.arange(0.0, 4000.0, 10.0)
+    rows = [f"{t},{0.1 * t},{30 * np.sin(t / 300)}" for t in time]
+    (tmp_path / "track.csv").write_text("\n".join(["t_unix_s,x,y", *rows]))
+    tracked = build_task("LeopardShark-v0", tracks=tmp_path / "track.csv", particles=20, overrides={"episode_steps": 100})
+    comparison = compare(tracked, ["pursuit", "circle"], episodes=40)
+    assert comparison.clusters.windows == pytest.approx(3990 / 200, abs=0.02)
+    assert np.isfinite(comparison.ratios["pursuit/circle"].low)
+    assert "20 episodes that share nothing" in caption(comparison.document({}))
+    short = build_task("LeopardShark-v0", tracks=tmp_path / "track.csv", particles=20, overrides={"episode_steps": 500})
+    few = compare(short, ["pursuit"], episodes=12)
+    assert np.isnan(few.summaries["pursuit"]["mean_error_m"].low)
+    assert "fewer than 10, so that there are no intervals" in caption(few.document({}))
 
 
 def test_an_id_a_policy_and_a_maker_will_do_too(task, save_run, tmp_path):

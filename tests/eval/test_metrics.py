@@ -4,22 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tagtrack.eval.episode_record import EpisodeRecord
-from tagtrack.eval.metrics import (
-    Bootstrap,
-    Interval,
-    interquartile_mean,
-    paired_ratio,
-    pooled_quantile_replicates,
-    ratios_to_first,
-    summarize,
-)
+from tagtrack.eval.metrics import compare_runs, measure, paired_ratio, summarize, summarize_runs
+from tagtrack.eval.statistics.bootstrap import Bootstrap
+from tagtrack.eval.statistics.estimate import Interval
 
 FIGURES = {
-    "mean_error_m", "median_error_m", "rmse_m", "p95_error_m", "iqm_error_m",
-    "lost_fraction", "mean_range_m", "inside_perimeter",
+    "mean_error_m", "median_error_m", "rmse_m", "p95_error_m", "trimmed_mean_error_m",
+    "error_if_not_lost_m", "lost_fraction", "mean_range_m", "inside_perimeter",
 }  # fmt: skip
 
 
@@ -37,7 +30,8 @@ def test_figures_of_four_steps_by_hand():
         "median_error_m": 4.0,
         "rmse_m": math.sqrt(21.0),  # (1 + 9 + 25 + 49) / 4
         "p95_error_m": 6.7,  # 0.95 * 3 = 2.85 steps into 1, 3, 5, 7
-        "iqm_error_m": 4.0,  # too few episodes to drop a quarter
+        "trimmed_mean_error_m": 4.0,  # too few episodes to drop a quarter
+        "error_if_not_lost_m": 2.0,  # 1 and 3
         "lost_fraction": 0.5,
         "mean_range_m": 30.0,
         "inside_perimeter": 0.5,
@@ -49,51 +43,6 @@ def test_a_step_exactly_at_the_bound_is_neither_lost_nor_inside():
     figures = summarize(EpisodeRecord(error=[[4.0], [4.1]], range=[[25.0], [24.9]]), perimeter=25.0, lost_error=4.0)
     assert figures["lost_fraction"].value == 0.5
     assert figures["inside_perimeter"].value == 0.5
-
-
-def test_interquartile_mean_drops_a_quarter_at_each_end():
-    assert interquartile_mean(np.array([9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1000.0])) == pytest.approx(4.5)
-
-
-@pytest.mark.parametrize("episodes", [1, 3, 4, 7, 50])
-def test_interquartile_mean_of_each_resample_is_scipys_trimmed_mean(episodes):
-    values = np.random.default_rng(episodes).lognormal(size=episodes)
-    counts = Bootstrap(resamples=40).counts(episodes)
-    resampled = [np.repeat(values, row.astype(int)) for row in counts]
-    assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25))
-    assert interquartile_mean(values, counts) == pytest.approx([stats.trim_mean(sample, 0.25) for sample in resampled])
-
-
-@pytest.mark.parametrize(("episodes", "steps"), [(1, 1), (2, 3), (9, 1), (6, 40)])
-def test_pooled_quantiles_of_each_resample_are_numpys_quantiles_of_its_steps(episodes, steps):
-    rng = np.random.default_rng(episodes)
-    error = rng.integers(0, 12, (episodes, steps)).astype(float)  # whole numbers: many ties
-    error[episodes // 2, steps // 2 + 1 :] = np.nan
-    counts = Bootstrap(resamples=60).counts(episodes)
-    probabilities = (0.0, 0.5, 0.95, 1.0)
-    pooled = [np.repeat(error, row.astype(int), axis=0) for row in counts]
-    expected = np.array([np.nanquantile(steps_drawn, probabilities) for steps_drawn in pooled]).T
-    np.testing.assert_allclose(pooled_quantile_replicates(error, counts, probabilities), expected)
-
-
-def test_bootstrap_draws_as_many_episodes_as_there_are_and_the_same_ones_each_time():
-    counts = Bootstrap(resamples=100).counts(37)
-    assert (counts.sum(axis=1) == 37).all()
-    np.testing.assert_array_equal(counts, Bootstrap(resamples=100).counts(37))
-    assert (counts != Bootstrap(resamples=100, seed=1).counts(37)).any()
-
-
-def test_interval_of_the_mean_is_scipys_percentile_bootstrap():
-    values = np.random.default_rng(3).lognormal(size=40)
-    ours = Bootstrap(resamples=20_000).mean(values)
-    theirs = stats.bootstrap(
-        (values,), np.mean, n_resamples=20_000, method="percentile", random_state=np.random.default_rng(4)
-    ).confidence_interval
-    # An end found from 20,000 replicates has a standard error of sqrt(0.025 * 0.975 / 20,000) / phi(1.96) = 0.019
-    # standard errors of the mean; two independent ones differ by 0.027, and 4 of those are allowed.
-    tolerance = 0.11 * values.std() / math.sqrt(values.size)
-    assert ours.low == pytest.approx(theirs.low, abs=tolerance)
-    assert ours.high == pytest.approx(theirs.high, abs=tolerance)
 
 
 def test_intervals_hold_the_truth_in_about_95_of_100_experiments():
@@ -132,14 +81,6 @@ def test_paired_ratio_is_narrower_than_an_unpaired_one_and_holds_the_truth():
     unpaired = paired_ratio(record, EpisodeRecord(error=rng.permutation(error)))
     assert paired.low < 1.25 * math.exp(0.005) < paired.high
     assert paired.high - paired.low < 0.4 * (unpaired.high - unpaired.low)
-
-
-def test_ratios_name_the_first_policy_over_each_other_one():
-    records = {
-        name: EpisodeRecord(error=[[level], [level]]) for name, level in (("three_step", 6.0), ("a", 3.0), ("b", 12.0))
-    }
-    ratios = ratios_to_first(records)
-    assert {pair: ratio.value for pair, ratio in ratios.items()} == {"three_step/a": 2.0, "three_step/b": 0.5}
 
 
 def test_ratio_refuses_records_of_different_length():
@@ -191,7 +132,49 @@ def test_a_single_episode_has_figures_but_no_intervals():
     assert math.isnan(paired_ratio(EpisodeRecord(error=[[2.0]]), EpisodeRecord(error=[[1.0]])).low)
 
 
-@pytest.mark.parametrize("parameters", [{"resamples": 0}, {"level": 1.0}])
-def test_bootstrap_refuses_what_it_cannot_do(parameters):
-    with pytest.raises(ValueError, match="got"):
-        Bootstrap(**parameters)
+def of_means(*means):
+    """A record of one step an episode."""
+    return EpisodeRecord(error=np.array(means, float)[:, None])
+
+
+def test_comparison_of_runs_by_hand():
+    first, runs = of_means(2, 4, 6), [of_means(1, 4, 8), of_means(3, 2, 4)]
+    found = compare_runs([first], runs, Bootstrap(resamples=50))
+    assert found["ratio"].value == pytest.approx(12 / 11)  # means 4 and 11/3
+    assert found["median_ratio"].value == pytest.approx(1.0)  # of 2/2, 4/3, 6/6
+    assert found["better"].value == pytest.approx((1 + 0.5 + 0 + 0 + 1 + 1) / 6)
+    assert 0 < found["p"] < 1
+
+
+def test_runs_of_a_training_widen_what_one_of_them_claims():
+    rng = np.random.default_rng(7)
+    error = lognormal_errors(rng, episodes=400)
+    runs = [EpisodeRecord(error=factor * error) for factor in (0.9, 1.0, 1.1)]
+    alone, together = summarize(runs[1]), summarize_runs(runs)
+    assert together["mean_error_m"].value == pytest.approx(alone["mean_error_m"].value)
+    # t of two degrees of freedom, 4.3, times 0.1 / sqrt(3), relative, or a little less
+    assert 1.15 < together["mean_error_m"].high / together["mean_error_m"].value < 1.35
+    against = compare_runs([runs[1]], runs, Bootstrap())
+    assert against["ratio"].low < 0.85 and against["ratio"].high > 1.15
+    assert paired_ratio(runs[1], runs[2]).low == pytest.approx(1 / 1.1)  # one run against another: no doubt at all
+
+
+def test_share_of_lost_time_that_nobody_saw_is_not_zero_for_certain():
+    figure = summarize(of_means(*np.ones(512)))["lost_fraction"]
+    assert (figure.value, figure.low) == (0.0, 0.0) and figure.high == pytest.approx(0.00718, abs=1e-5)  # 1 - 0.025^(1/512)
+
+
+def test_metrics_of_a_users_own_have_intervals_too():
+    record = EpisodeRecord(error=[[1.0, 3.0], [5.0, 7.0]])
+    assert summarize(record, metrics={"last_m": lambda record: record.error[:, -1]})["last_m"].value == 5.0
+
+
+def test_metric_that_fails_is_named():
+    with pytest.raises(ValueError, match="the metric 'odd' failed on a record of errors .2, 1.: AttributeError"):
+        measure("odd", lambda record: record.speed, of_means(1, 2))
+
+
+@pytest.mark.parametrize("wrong", [lambda record: 1.0, lambda record: record.error, lambda record: ["a", "b"]])
+def test_metric_of_another_shape_is_named(wrong):
+    with pytest.raises(ValueError, match=r"the metric 'odd' must give one number for each episode, shape \(2,\), got"):
+        measure("odd", wrong, of_means(1, 2))

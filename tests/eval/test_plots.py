@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-from tagtrack.eval.metrics import Interval
 from tagtrack.eval.plots import (
     Track,
     TradeoffCurve,
@@ -18,6 +17,7 @@ from tagtrack.eval.plots import (
     plot_tradeoff,
     save_figure,
 )
+from tagtrack.eval.statistics.estimate import Interval
 
 
 def some_track(steps=50):

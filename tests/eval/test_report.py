@@ -7,13 +7,19 @@ import math
 import pytest
 
 from tagtrack.eval.episode_record import EpisodeRecord
-from tagtrack.eval.metrics import Interval, ratios_to_first, summarize
+from tagtrack.eval.metrics import compare_runs, summarize
 from tagtrack.eval.report import benchmark_document, console_table, markdown_table, table_rows, write_benchmark
+from tagtrack.eval.statistics.bootstrap import Bootstrap
+from tagtrack.eval.statistics.estimate import Interval
 
 
 def document(*, perimeter=math.nan, names=("three_step", "circle:40"), tracks=None):
     errors = {name: [[6.0 / (i + 1)] * 4, [8.0 / (i + 1)] * 4] for i, name in enumerate(names)}
     records = {name: EpisodeRecord(error=error, range=[[10.0] * 4, [30.0] * 4]) for name, error in errors.items()}
+    first = names[0]
+    comparisons = {
+        f"{first}/{name}": compare_runs([records[first]], [records[name]], Bootstrap()) | {"p_holm": 0.01} for name in names[1:]
+    }
     return benchmark_document(
         env="TagTrack/LeopardShark-v0",
         episodes=2,
@@ -22,39 +28,46 @@ def document(*, perimeter=math.nan, names=("three_step", "circle:40"), tracks=No
         tracks=tracks,
         versions={"tagtrack": "0.1.0"},
         policies={name: summarize(record, perimeter=perimeter, lost_error=5.0) for name, record in records.items()},
-        ratios=ratios_to_first(records),
+        comparisons=comparisons,
     )
 
 
 def test_document_has_the_layout_of_benchmark_json():
     made = document()
     assert list(made) == [
-        "env", "episodes", "seed", "from_step", "together", "particles", "tracks", "versions", "policies", "ratios",
+        "env", "episodes", "seed", "from_step", "groups", "particles", "tracks", "notes", "versions", "policies", "ratios",
     ]  # fmt: skip
     assert list(made["policies"]) == ["three_step", "circle:40"]
     assert made["policies"]["three_step"]["mean_error_m"] == {"value": 7.0, "low": 6.0, "high": 8.0}
     assert made["policies"]["three_step"]["inside_perimeter"] == {"value": None, "low": None, "high": None}
-    assert made["ratios"] == {"three_step/circle:40": {"value": 2.0, "low": 2.0, "high": 2.0}}
+    ratio = made["ratios"]["three_step/circle:40"]
+    assert (ratio["value"], ratio["low"], ratio["high"]) == (2.0, 2.0, 2.0)
+    assert ratio["better"]["value"] == 1.0 and ratio["median"]["value"] == 2.0
 
 
 def test_rows_read_as_the_figures_say():
     header, rows = table_rows(document(perimeter=20.0))
     assert header == [
-        "policy", "mean error [m]", "median [m]", "95 % [m]", "IQM [m]", "lost [%]", "mean range [m]",
-        "inside perimeter [%]", "three_step / policy",
+        "policy", "mean error [m]", "median [m]", "95 % [m]", "trimmed mean [m]", "lost [%]", "error if not lost [m]",
+        "mean range [m]", "inside perimeter [%]", "three_step / policy", "median of ratios", "better in [%]",
     ]  # fmt: skip
-    assert rows[0] == ["three_step", "7.00 [6.00, 8.00]", "7.00", "8.00", "7.00", "100", "20.0", "50.0", "1"]
-    assert rows[1] == [
-        "circle:40",
-        "3.50 [3.00, 4.00]",
-        "3.50",
-        "4.00",
-        "3.50",
-        "0",
-        "20.0",
-        "50.0",
-        "2.00 [2.00, 2.00]",
-    ]
+    first, second = (dict(zip(header, row, strict=True)) for row in rows)
+    assert first["mean error [m]"] == "7.00 [6.00, 8.00]" and first["three_step / policy"] == "1"
+    assert first["error if not lost [m]"] == "-"  # all steps are beyond 5 m
+    assert second["mean error [m]"] == "3.50 [3.00, 4.00]" and second["three_step / policy"] == "2.00 [2.00, 2.00]"
+    assert second["lost [%]"] == "0 [0, 84.2]"  # none of two: 1 - 0.025^(1/2)
+    assert second["better in [%]"] == "100 [100, 100]"
+
+
+def test_terminals_get_fewer_columns():
+    header, rows = table_rows(document(perimeter=20.0), brief=True)
+    assert "trimmed mean [m]" not in header and "median of ratios" not in header
+    assert rows[1][header.index("median [m]")] == "3.50" and rows[1][1] == "3.50 [3.00, 4.00]"
+
+
+def test_a_star_needs_several_comparisons():
+    _, rows = table_rows(document(names=("three_step", "a", "b")))
+    assert [row[-3] for row in rows] == ["1", "2.00 [2.00, 2.00] *", "3.00 [3.00, 3.00] *"]
 
 
 def test_a_figure_that_nobody_has_gets_no_column():
