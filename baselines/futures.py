@@ -21,6 +21,8 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.policies.protocol import Policy
 
 PARTICLES = 200  # of the filters in the futures
+HELD, HORIZON = 5, 25  # pings for which a move is held, and to which futures go
+SURE = 1.0  # standard errors by which another move must be better than one's own
 ANGLES = tuple(math.radians(angle) for angle in (0, 45, -45, 90, -90))  # off the line to the nearest tag, of moves to try
 
 
@@ -46,7 +48,7 @@ class Futures:
         self.shape = (1 + len(self.angles), futures)
         self.simulation = Simulation(self.scenario, self.shape[0] * futures, threads=threads)
         self.simulation.reset(0)
-        self._aim = _Aim(scenario=self.scenario)
+        self._aim = Aim(scenario=self.scenario)
         self._generator = np.random.default_rng(seed)
 
     def close(self) -> None:
@@ -184,6 +186,24 @@ class Futures:
         self.simulation.worlds.encounters[...] = self._for_all(met)
 
 
+def steps_of(scenario: Scenario, pings: int) -> int:
+    """Steps in which so many pings come."""
+    tag = scenario.tag
+    return max(1, round(pings * max(tag.period + 0.5 * tag.random_delay, scenario.time_step) / scenario.time_step))
+
+
+def better_move(cost: np.ndarray) -> int:
+    """The move of least mean cost (K, M), or 0, one's own, where it is not better by a standard error of the difference.
+
+    Moves are tried in the same futures, so that differences are paired. Where all moves are alike, to take whichever seems best
+    would often be to take a worse one.
+    """
+    saved = cost[0] - cost
+    mean, error = saved.mean(axis=1), saved.std(axis=1) / math.sqrt(cost.shape[1] - 1)
+    mean[mean < SURE * error] = 0.0
+    return int(mean.argmax())
+
+
 def mean_error(simulation: Simulation) -> np.ndarray:
     """(B,) error [m], mean over tags and over the beliefs of vehicles that take part; of all where none does any more."""
     error = simulation.error.mean(axis=2)
@@ -206,7 +226,7 @@ def take_rows(state: Any, rows: np.ndarray, count: int) -> Any:
     return state[rows].copy()
 
 
-class _Aim(Pursuit):
+class Aim(Pursuit):
     """Pursuit that can be told to head off the line to a tag, and for which one."""
 
     def steer(self, observation: np.ndarray, action: np.ndarray, angle: np.ndarray, other: np.ndarray) -> np.ndarray:

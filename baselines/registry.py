@@ -11,6 +11,7 @@ from tagtrack.baselines.circle import Circle, OracleCircle
 from tagtrack.baselines.division import Assignment, Uncertain
 from tagtrack.baselines.heuristic import Heuristic, InformedHeuristic
 from tagtrack.baselines.information import Information
+from tagtrack.baselines.rollout import Rollout
 from tagtrack.baselines.simple import Pursuit, Random, Stationary
 from tagtrack.baselines.three_step import ThreeStep
 from tagtrack.envs.scenario import Scenario
@@ -28,6 +29,7 @@ BASELINES: Mapping[str, type[Heuristic]] = MappingProxyType(
         "stationary": Stationary,
         "random": Random,
         "oracle_circle": OracleCircle,
+        "rollout": Rollout,
     }
 )
 
@@ -42,6 +44,7 @@ LEADING_PARAMETERS: Mapping[str, str] = MappingProxyType(
         "information": "horizon",
         "random": "seed",
         "oracle_circle": "radius",
+        "rollout": "radius",
     }
 )
 

@@ -18,8 +18,7 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.baselines.futures import PARTICLES, Futures, mean_error
-from tagtrack.envs.scenario import Scenario
+from tagtrack.baselines.futures import HELD, HORIZON, PARTICLES, Futures, better_move, mean_error, steps_of
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import describe_fleet
@@ -34,8 +33,6 @@ from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
 
-HELD = 5  # pings for which a first move is held, and from one decision to the next: 10 s of LeopardShark-v0
-HORIZON = 25  # pings of a future
 MOST_FUTURES = 4096
 
 
@@ -66,9 +63,9 @@ class Headroom:
     policy: Annotated[tuple[str, ...], tyro.conf.arg(name="policies", metavar="POLICY ...")] = ("circle",)
     """Baselines and folders of training runs."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=128))
-    decisions: WholeNumber = 4
+    decisions: WholeNumber = 2
     """Decisions of each episode at which moves are tried, at random times."""
-    futures: WholeNumber = 128
+    futures: WholeNumber = 256
     """Futures of each move; an even number."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """JSON file to write."""
@@ -170,19 +167,14 @@ def look_ahead(
     return Left(gain=per_episode, error=error)
 
 
-def steps_of(scenario: Scenario, pings: int) -> int:
-    """Steps in which so many pings come."""
-    tag = scenario.tag
-    return max(1, round(pings * max(tag.period + 0.5 * tag.random_delay, scenario.time_step) / scenario.time_step))
-
-
 def best_gain(cost: np.ndarray) -> float:
     """What the best move saves against the first one, given what each costs (K, M): in the mean no more than it truly does.
 
     The best by one half of the futures is judged by the other half, and the other way round.
     """
-    halves = cost[:, 0::2].mean(axis=1), cost[:, 1::2].mean(axis=1)
-    return float(np.mean([judges[0] - judges[chooses.argmin()] for chooses, judges in (halves, halves[::-1])]))
+    halves = cost[:, 0::2], cost[:, 1::2]
+    moves = [(better_move(chooses), judges.mean(axis=1)) for chooses, judges in (halves, halves[::-1])]
+    return float(np.mean([judged[0] - judged[move] for move, judged in moves]))
 
 
 def describe(left: Left) -> dict[str, Any]:

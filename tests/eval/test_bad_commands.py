@@ -8,7 +8,7 @@ import pytest
 from tagtrack.eval import benchmark, comparison
 from tests.eval.conftest import SHORT
 
-BASELINES = "three_step, pursuit, circle, assignment, uncertain, information, stationary, random, oracle_circle"
+BASELINES = "three_step, pursuit, circle, assignment, uncertain, information, stationary, random, oracle_circle, rollout"
 
 
 @pytest.fixture(autouse=True)

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tagtrack.baselines.futures import Futures, take_rows
+from tagtrack.baselines.futures import Futures, better_move, steps_of, take_rows
 from tagtrack.baselines.registry import make_baseline
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task, build_task
 from tagtrack.eval.contestants import find_makers
-from tagtrack.eval.headroom import best_gain, look_ahead, steps_of
+from tagtrack.eval.headroom import best_gain, look_ahead
 from tagtrack.eval.rollout import roll_out
 from tests.eval.test_commands import read_json, run_eval
 
@@ -81,6 +81,22 @@ def test_a_gain_of_nothing_but_luck_is_none() -> None:
     assert best_gain(cost) == pytest.approx(2.0, abs=0.5)
 
 
+def test_where_all_moves_are_worse_nothing_is_lost_by_looking() -> None:
+    """Five moves that each cost a third of a sigma more: taking whichever seems best would lose a tenth of one."""
+    rng = np.random.default_rng(1)
+    worse = np.array([0.0, *[0.3] * 5])[:, None]
+    gains = [best_gain(worse + rng.normal(size=(6, 128))) for _ in range(2000)]
+    assert -0.02 < np.mean(gains) < 0.01
+
+
+def test_own_move_is_kept_unless_another_is_surely_better() -> None:
+    cost = np.tile(np.arange(8.0), (3, 1))
+    cost[1] -= 1e-3 * np.array([5, -5] * 4)  # better here, worse there
+    assert better_move(cost) == 0
+    cost[2] -= 0.01
+    assert better_move(cost) == 2
+
+
 def test_more_is_left_above_lying_still_than_above_a_circle() -> None:
     task = build_task("LeopardShark-v0", particles=200, overrides={"episode_steps": 60})
     left = {}
@@ -96,6 +112,20 @@ def test_futures_are_as_long_as_the_pings_make_them() -> None:
     told = {name: build_task(name).scenario for name in ("LeopardShark-v0", "AreaOnly-v0", "RangeOnly-v0")}
     seconds = {name: [steps_of(each, pings) * each.time_step for pings in (5, 25)] for name, each in told.items()}
     assert seconds == {"LeopardShark-v0": [10.0, 50.0], "AreaOnly-v0": [360.0, 1860.0], "RangeOnly-v0": [50.0, 250.0]}
+
+
+def test_the_rollout_planner_gains_over_a_circle_that_is_far_too_wide() -> None:
+    task = build_task("LeopardShark-v0", particles=200, overrides={"episode_steps": 80})
+    makers = find_makers({"circle": "circle:60", "rollout": "rollout:radius=60,futures=32"}, task, task.env_id)
+    errors = {name: roll_out(task, maker, episodes=12, seed=2).error.mean() for name, maker in makers.items()}
+    assert errors["rollout"] < 0.9 * errors["circle"]
+
+
+def test_the_rollout_planner_repeats_itself() -> None:
+    task = build_task("LeopardShark-v0", particles=60, overrides={"episode_steps": 8})
+    maker = find_makers({"a": "rollout:radius=9,futures=8"}, task, task.env_id)["a"]
+    record = roll_out(task, maker, episodes=2, seed=2)
+    np.testing.assert_array_equal(record.error, roll_out(task, maker, episodes=2, seed=2).error)
 
 
 def test_vehicles_that_have_left_do_not_count() -> None:
