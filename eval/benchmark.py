@@ -24,6 +24,7 @@ from tagtrack.eval.plots import SHARES, Track, plot_errors, plot_learning_curve,
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import console_table, write_benchmark, write_json
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
+from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker, SeedBlock, block_seed, trace
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.versions import collect_versions
@@ -47,7 +48,7 @@ class Benchmark:
     """
 
     task: ManyParticles = field(default_factory=ManyParticles)
-    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = ("three_step", "pursuit", "circle")
+    policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...", help_behavior_hint="(the best heuristics)")] = ()
     """Baselines (three_step, pursuit, circle:40, information, stationary, random, oracle_circle; uncertain and assignment, which
     share out tags), learned (the policy that comes with the package) and folders of training runs. NAME=RUN,RUN,... are runs of
     one training that differ in their seed, as one row: a single seed is no result.
@@ -69,7 +70,7 @@ class Benchmark:
         """Run it."""
         self.trial.check()
         task, trial, env_id = self.task.build(), self.trial, self.task.env_id
-        specs = name_groups(self.policies)
+        specs = name_groups(self.policies or rivals_of(task))
         metrics = {text.rpartition(":")[2]: import_object(text) for text in self.metrics}
         if not 0 <= self.record <= trial.episodes:
             raise ValueError(f"--record must be from 0 to the {trial.episodes} episodes, got {self.record}")

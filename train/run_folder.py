@@ -3,7 +3,8 @@
     config.json  versions.json       what was run, with which packages and commit
     progress.csv  learning_curve.png how it went
     policy.safetensors  policy.json  the best policy so far
-    table.md                         that policy beside the paper's controller; a finished run has it
+    untrained/                       the policy before its first step
+    table.md                         both beside the best heuristics; a finished run has it
     checkpoint/                      all that --resume needs; SB3's own files, which hold pickles: loaded if signed here
 
 A row of progress.csv is a validation: ``steps`` of training so far, ``seconds`` since the beginning, ``steps_per_s`` of training
@@ -29,6 +30,7 @@ from tagtrack.train.lock import LOCK_FILE, FolderLock
 CONFIG_FILE = "config.json"
 PROGRESS_FILE = "progress.csv"
 TABLE_FILE = "table.md"
+UNTRAINED = "untrained"
 COLUMNS = (
     "steps", "seconds", "steps_per_s", "train_error_m", "train_reward_per_step",
     "validation_error_m", "validation_reward_per_step", "best_error_m",

@@ -17,18 +17,18 @@ from tagtrack.eval.comparison import compare
 from tagtrack.eval.contestants import PolicySpec
 from tagtrack.eval.plots import plot_learning_curve, save_figure
 from tagtrack.eval.report import console_table, markdown_table, write_text
+from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
 from tagtrack.train.checkpoint import Checkpoint, remove_others
 from tagtrack.train.config import TrainConfig, flatten, to_json
 from tagtrack.train.learning import build_model, load_model
-from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
+from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, UNTRAINED, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
 from tagtrack.train.starting import start_as
 from tagtrack.train.training import Training, learn, make_logger
 from tagtrack.train.vec_env import TagTrackVecEnv
 
-RIVALS = ("three_step", "pursuit")
 WATCHED = 4  # rollouts of a policy that began as another, in which only its critic learns
 TABLE_EPISODES, TABLE_SEED = 256, 1_000_000  # of the benchmarks' block
 
@@ -123,7 +123,7 @@ def count(number: int, noun: str) -> str:
 def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
     """What a trained run ends with: its curve, and its table on the terminal and in table.md."""
     draw_curve(folder)
-    write_comparison(folder, task, task.env_id)
+    write_comparison(config, folder, task, task.env_id)
     path = shlex.quote(str(folder.path))
     print(f"run: {folder.path}\nmore: python -m eval benchmark {describe_task(config, task)} --policies three_step {path}")
 
@@ -146,11 +146,15 @@ def draw_curve(folder: RunFolder) -> None:
         save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, {}))
 
 
-def write_comparison(folder: RunFolder, task: Task, env_id: str) -> None:
-    """A small table: the policy that was kept beside the paper's controller and pursuit, on episodes it was not chosen on."""
-    name = folder.path.resolve().name
-    own = f"{name}/" if name in RIVALS else name  # a folder may be called pursuit
-    policies: dict[str, PolicySpec] = {**{rival: rival for rival in RIVALS}, own: folder.path}
+def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id: str) -> None:
+    """A small table: the policy kept beside the best heuristics and what it began as, on episodes it was not chosen on."""
+    name, rivals = folder.path.resolve().name, rivals_of(task)
+    began = UNTRAINED if config.start is None else "as it began"
+    own = f"{name}/" if name in (*rivals, began) else name  # a folder may be called pursuit
+    policies: dict[str, PolicySpec] = {rival: rival for rival in rivals}
+    if (folder.path / UNTRAINED).is_dir():
+        policies[began] = folder.path / UNTRAINED
+    policies[own] = folder.path
     comparison = compare(task, policies, episodes=TABLE_EPISODES, seed=TABLE_SEED, env_id=env_id)
     document = comparison.document(collect_versions())
     rich.print(console_table(document))  # before it is written: a full disk must not cost the result

@@ -22,7 +22,7 @@ from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy
 from tagtrack.train.checkpoint import Progress, save_checkpoint
 from tagtrack.train.entity_network import EntityActorCritic, export_entities
-from tagtrack.train.run_folder import RunFolder
+from tagtrack.train.run_folder import UNTRAINED, RunFolder
 
 
 class Training(BaseCallback):
@@ -109,6 +109,8 @@ class Training(BaseCallback):
         self.last_validation = self.num_timesteps
         begun = time.perf_counter()
         policy = self.policy()
+        if self.num_timesteps == 0:
+            save_policy(self.folder.path / UNTRAINED, policy)
         record = roll_out(self.task, lambda _: policy, episodes=self.episodes, seed=self.validation_seed)
         assert record.reward is not None
         error, reward = float(record.error.mean()), float(record.reward.mean())

@@ -38,7 +38,6 @@ def refused(evaluate, tmp_path, monkeypatch):
     [
         (("--env", "Pond-v0"), "unknown environment 'Pond-v0'; known: TagTrack/LeopardShark-v0,"),
         (("--policies", "zigzag"), f"unknown policy 'zigzag': there is no such folder, and the baselines are {BASELINES}"),
-        (("--policies",), f"name at least one policy: the baselines are {BASELINES}"),
         (("--policies", "circle", "circle"), "two policies go by the name 'circle'"),
         (("--policies", "pursuit", "circle:far"), "radius must be a number, got 'far'"),
         (("--policies", "circle:nan"), "radius must be finite, got nan"),

@@ -25,7 +25,8 @@ def test_a_run_leaves_its_record_and_a_table_against_the_papers_controller(train
     run, printed = trained
     assert {path.name for path in run.iterdir()} >= RUN_FILES
     assert "three_step" in printed and str(run.name) in printed and "trained" in printed
-    assert "| three_step |" in (run / "table.md").read_text() and "| run |" in (run / "table.md").read_text()
+    table = (run / "table.md").read_text()
+    assert all(f"| {name} |" in table for name in ("three_step", "information:21", "untrained", "run"))
     config = json.loads((run / "config.json").read_text())
     assert config["seed"] == 0 and config["hyper"] == ["rollout=512"] and config["scenario"]["episode_steps"] == 12
     assert (run / "learning_curve.png").read_bytes().startswith(b"\x89PNG")

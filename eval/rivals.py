@@ -1,0 +1,33 @@
+"""Which heuristics a learned policy must beat: for each task the paper's controller and the best that tuning found.
+
+The numbers are those of ``python -m eval tune --env ID --policy circle`` and ``information``, with 192 episodes for tuning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from tagtrack.envs.task import Task
+
+RIVALS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "TagTrack/LeopardShark-v0": ("three_step", "pursuit", "circle:8.4", "information:21"),
+        "TagTrack/TimeOfFlight-v0": ("three_step", "pursuit", "circle:10", "information:10"),
+        "TagTrack/RangeOnly-v0": ("three_step", "circle:40", "information:23"),
+        "TagTrack/AreaOnly-v0": ("circle", "circle:335", "information:2"),  # the first at 0.8 of the range, as in the paper
+        "TagTrack/AreaOnlyUnknownRange-v0": ("circle", "circle:296", "information:3"),
+    }
+)
+OTHERS = ("three_step", "pursuit", "circle")  # of tasks that nobody tuned them for
+OF_FLEETS = ("circle", "information")
+OF_SEVERAL_TAGS = ("circle", "uncertain", "information")
+
+
+def rivals_of(task: Task) -> tuple[str, ...]:
+    """The heuristics of a task, the one that ratios are of first."""
+    if task.scenario.targets > 1:
+        return OF_SEVERAL_TAGS
+    if task.scenario.vehicles > 1:
+        return OF_FLEETS
+    return RIVALS.get(task.env_id, OTHERS)
