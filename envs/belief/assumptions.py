@@ -89,8 +89,9 @@ FILTERS = {
     "combined_brownian": Belief(motion=BrownianWalk(), receiver=StereoHydrophone(weighting=Weighting.COMBINED)),
     "combined_levy": Belief(motion=LevyFlight(), receiver=StereoHydrophone(weighting=Weighting.COMBINED)),
 }
-# Masmitja et al. 2020, "AOTT simulations": 10,000 particles, compound resampling at 1.5 %, maximum particle range 300 m. How its
-# particles move is not said: here as fits a target that mostly holds its course at 0.2 m/s.
+# Masmitja et al. 2020, "AOTT simulations": 10,000 particles, compound resampling at 1.5 %, maximum particle range 300 m. Its
+# particles move by Eq. 8 (the motion ``acceleration``), of which no covariance is printed: here a walk of speed and heading that
+# fits a target that mostly holds its course at 0.2 m/s.
 AOTT = Belief(
     particles=10_000,
     motion=MomentumRandomWalk(speed_sigma=0.006, turn_sigma=0.025, max_speed=0.35),

@@ -1,5 +1,6 @@
 """How fish move: random walks, which also move the particles of a belief, and paths, which fish alone follow."""
 
+from tagtrack.envs.motions.acceleration import WhiteAcceleration
 from tagtrack.envs.motions.boat import StraightAndIdle
 from tagtrack.envs.motions.brownian import BrownianWalk
 from tagtrack.envs.motions.legs import StraightLegs
@@ -13,6 +14,7 @@ WALKS: dict[str, type[Motion]] = {
     "brownian": BrownianWalk,
     "levy": LevyFlight,
     "boat": StraightAndIdle,
+    "acceleration": WhiteAcceleration,
 }
 PATHS: dict[str, type[Path]] = {"legs": StraightLegs}  # a replay needs its tracks: tracks=FILE
 
@@ -27,4 +29,5 @@ __all__ = [
     "Replay",
     "StraightAndIdle",
     "StraightLegs",
+    "WhiteAcceleration",
 ]

@@ -88,10 +88,11 @@ NOTE = (
     "The paper's one data set is here many recorded missions (ours: the median of missions; the interval holds the middle "
     "95 % of them), each filtered in as many trials as the paper's, with 1,000 particles (the paper prints no number). "
     "Assumed: AUV2 makes straight legs at 0.7 m/s for 90 s with 30 s of idling; eel grass is bursts of losses of 60 s, 35 % "
-    "of the time; v_max of the Brownian walk is 1 m/s. The standard filter and that with signal strength come out as "
-    "printed. The Brownian ones and the Lévy ones of small gamma are worse than printed, because their particles cannot "
-    "keep up with this carrier; with a slow carrier, or another v_max, they do, and the order is nearly the printed one. "
-    "Lévy flights of large gamma fling particles out of hearing; with bounded steps they do not (the tables below)."
+    "of the time; v_max of the Brownian walk is 1 m/s; particles start at up to 1 m/s. The standard filter and that with signal "
+    "strength come out about as printed. The Brownian ones and the Lévy ones of small gamma are worse than printed, because "
+    "their particles cannot keep up with this carrier; with a slow carrier, or another v_max, they do, and the order is nearly "
+    "the printed one. Lévy flights of large gamma fling particles out of hearing; with bounded steps they do not (the tables "
+    "below)."
 )
 
 

@@ -50,6 +50,7 @@ class Size:
     moving: int = 60  # missions after a moving tag
     moving_seconds: int = 98 * 60  # [s] of each: auv2Track took 1 h 38 (Clark et al. 2013, Table IV)
     stationary: int = 400  # missions to a resting tag
+    sharks: int = 60  # missions after a shark, of each length
     records: int = 200  # records of arrivals
     offline: int = 20  # trials of each combination of measurements over each recorded mission (Lin et al. 2013, V.E)
     astray: int = 400  # missions in which all particles are moved away
@@ -60,8 +61,10 @@ class Size:
     area_particles: int = 10_000  # of their filter
 
 
-QUICK = Size(recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, records=4, offline=3, astray=40, particles=200,
-    settings=3, settings_seconds=1800, tracked=4, area_particles=500)
+QUICK = Size(
+    recorded=2, trials=4, moving=3, moving_seconds=600, stationary=8, sharks=2, records=4, offline=3, astray=40, particles=200,
+    settings=3, settings_seconds=1800, tracked=4, area_particles=500,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,6 +45,25 @@ CLARK2013_TABLE_V = _table(
     },
 )
 
+# Standard deviations over the missions after a shark, whose place nobody knew [m].
+CLARK2013_TABLE_V_SHARKS = _table(
+    ("min σ_x", "max σ_x", "min σ_y", "max σ_y"),
+    {
+        "sharkTrackA": (4.23, 51.59, 3.44, 56.12),
+        "sharkTrackB": (4.95, 52.10, 2.79, 46.89),
+        "sharkTrackC": (1.54, 79.83, 2.77, 65.75),
+        "sharkTrackD": (1.91, 80.91, 2.34, 87.72),
+    },
+)
+
+# Area covered [m^2], of which the paper does not say how it was measured. That of auv2Track is printed "27,7148".
+CLARK2013_AREAS = MappingProxyType(
+    {
+        "sharkTrackA": 14_025.0, "sharkTrackB": 3_150.0, "sharkTrackC": 9_720.0, "sharkTrackD": 7_280.0, "auv2Track": 277_148.0,
+        "stationaryTrackA": 2_408.0, "stationaryTrackB": 1_782.0, "stationaryTrackC": 2_376.0,
+    }
+)  # fmt: skip
+
 # Usable signals a minute of auv2Track: "just over 25" at most, "as low as 3" (6.2).
 CLARK2013_SIGNAL_RATES = MappingProxyType({"highest": 25.0, "lowest": 3.0})
 

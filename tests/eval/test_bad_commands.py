@@ -62,7 +62,7 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--tags", "2", "--policies", "uncertain:per_metre=-1"), "Uncertain.per_metre must be at least 0, got -1.0"),
         (("--tracks", "none.csv"), "no track file none.csv"),
         (("--time-scale", "0.5"), "add tracks=FILE"),
-        (("--motion", "swift"), "one of momentum, brownian, levy, boat, legs, or MODULE:CLASS of your own, got 'swift'"),
+        (("--motion", "swift"), "boat, acceleration, legs, or MODULE:CLASS of your own, got 'swift'"),
         (("--motion", "levy", "--set", "fish=boat"), "the motion of the fish is set twice, to levy and to boat; drop one"),
         (("--motion", "levy", "--tracks", "a.csv"), "either the tracks of a.csv or by a motion (fish=levy); drop one"),
         (("--policies", "static_array:far"), "baseline must be a number of metres, got 'far'"),

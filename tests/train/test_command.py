@@ -131,7 +131,7 @@ def test_ctrl_c_saves_and_says_how_to_resume(tmp_path):
         (["--hyper", "momentum=1"], "unknown hyper-parameter 'momentum' of ppo; known: rollout"),
         (["--tracks", "absent.csv"], "no track file absent.csv"),
         (["--time-scale", "0.5"], "add tracks=FILE"),
-        (["--motion", "swift"], "one of momentum, brownian, levy, boat, legs, or MODULE:CLASS of your own, got 'swift'"),
+        (["--motion", "swift"], "boat, acceleration, legs, or MODULE:CLASS of your own, got 'swift'"),
         (["--motion", "levy", "--tracks", "absent.csv"], "either the tracks of absent.csv or by a motion (fish=levy)"),
         (["--resume", "absent"], "absent is not a run"),
         (["--trust"], "--trust goes with --resume"),
