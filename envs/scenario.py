@@ -220,9 +220,20 @@ AREA_ONLY = Scenario(
     lost_error=400.0,
 )
 
+# Vehicles that are no faster than the fish, as gliders and surface drifters are: a wrong turn is not made good again. One after a
+# fish of its own speed, and two that must share out four.
+GLIDER = Scenario(
+    vehicle=Vehicle(max_speed=0.8),
+    fish=MomentumRandomWalk(speed_sigma=0.05, turn_sigma=0.15, max_speed=0.8),
+    belief=Belief(motion=MomentumRandomWalk(speed_sigma=0.06, turn_sigma=0.2, max_speed=0.9)),
+)
+GLIDER_PAIR = Scenario(vehicles=2, targets=4, vehicle=Vehicle(max_speed=0.5))
+
 SCENARIOS = {
     "TagTrack/LeopardShark-v0": Scenario(),
     "TagTrack/LeopardSharkStandoff-v0": Scenario(speed_control=True, reward=Reward(standoff=1.0, perimeter=20.0)),
+    "TagTrack/Glider-v0": GLIDER,
+    "TagTrack/GliderPair-v0": GLIDER_PAIR,
     "TagTrack/TimeOfFlight-v0": TIME_OF_FLIGHT,
     "TagTrack/RangeOnly-v0": RANGE_ONLY,
     "TagTrack/AreaOnly-v0": AREA_ONLY,

@@ -24,6 +24,8 @@ __version__ = "0.1.0"
 _TASKS = {
     "TagTrack/LeopardShark-v0": "tagtrack.envs.single:TagTrackEnv",
     "TagTrack/LeopardSharkStandoff-v0": "tagtrack.envs.single:TagTrackEnv",
+    "TagTrack/Glider-v0": "tagtrack.envs.single:TagTrackEnv",
+    "TagTrack/GliderPair-v0": "tagtrack.envs.single:TagTrackEnv",
     "TagTrack/TimeOfFlight-v0": "tagtrack.envs.time_of_flight:TimeOfFlightEnv",
     "TagTrack/RangeOnly-v0": "tagtrack.envs.range_only:RangeOnlyEnv",
     "TagTrack/AreaOnly-v0": "tagtrack.envs.area_only:AreaOnlyEnv",
@@ -45,6 +47,7 @@ _FLEETS = {
     "tagtrack/range_only_v0": "TagTrack/RangeOnly-v0",
     "tagtrack/area_only_v0": "TagTrack/AreaOnly-v0",
     "tagtrack/time_of_flight_v0": "TagTrack/TimeOfFlight-v0",
+    "tagtrack/glider_pair_v0": "TagTrack/GliderPair-v0",
 }
 
 if hasattr(pettingzoo, "register"):  # from PettingZoo 1.27 on

@@ -54,9 +54,11 @@ def begin(config: TrainConfig) -> int:
     """A new run. What cannot be run is refused before a folder is made."""
     from tagtrack.train.run_folder import RunFolder
     from tagtrack.train.session import train
+    from tagtrack.train.settings import with_own_start
 
     if config.trust:
         raise ValueError("--trust goes with --resume: a new run loads no checkpoint")
+    config = with_own_start(config)
     task, settings = check(config)
     name = f"{full_id(config.env).rpartition('/')[2]}-{config.algo}-seed{config.seed}"
     with RunFolder.create(config.out, name) as folder:

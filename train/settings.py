@@ -59,6 +59,9 @@ Settings = PPOSettings | SACSettings
 # Where an environment, or a preset of it, wants other values than an algorithm's own.
 SETTINGS: dict[tuple[str, str], Settings] = {
     ("TagTrack/TimeOfFlight-v0", "ppo"): PPOSettings(steps=1_500_000),
+    # Where the fish is as fast as the vehicle there is more to learn: of all that was tried, longer training, a wider network and
+    # a farther horizon paid.
+    ("TagTrack/Glider-v0", "ppo"): PPOSettings(steps=10_000_000, rollout=16384, batch_size=4096, gamma=0.99, width=128),
     ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
     ("masmitja2023", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.99),
     ("utracking_medium", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
@@ -70,6 +73,13 @@ SETTINGS: dict[tuple[str, str], Settings] = {
         steps=12_000_000, rollout=32768, batch_size=8192, gamma=0.99, ahead=0.0, validation_episodes=1024
     ),
 }
+
+
+def with_own_start(config: TrainConfig) -> TrainConfig:
+    """The config with what a policy of its task begins as, where nothing is said; ``--start none`` begins with nothing."""
+    if config.start is None and config.algo == "ppo" and full_id(config.env) in STARTS:
+        return replace(config, start=STARTS[full_id(config.env)])
+    return replace(config, start=None) if config.start == "none" else config
 
 
 class Limits(NamedTuple):
@@ -117,6 +127,7 @@ LIMITS = {
 FLEET_HOLD = 12.0
 FLEET = PPOSettings(steps=4_000_000, rollout=16384, batch_size=4096, gamma=0.98)
 AREA_FLEET = replace(FLEET, gamma=0.99, learning_rate=5e-4, ahead=0.0)
+STARTS = {"TagTrack/GliderPair-v0": "information:34"}  # what a fleet's policy begins as, unless it is told otherwise
 FLEETS = {"TagTrack/AreaOnly-v0": AREA_FLEET, "TagTrack/AreaOnlyUnknownRange-v0": AREA_FLEET}
 STEPS_OF_HELD = 1_500_000  # decisions that are held
 

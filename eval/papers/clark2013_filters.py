@@ -27,7 +27,7 @@ FAST_WALK = 3.0  # [m/s]: another v_max of Alg. 3, which the paper does not prin
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class FiltersVariant:
     """Filters by the row they stand for, run over the missions of one carrier with something changed."""
 
     table: str
@@ -55,27 +55,27 @@ def filters_of_table() -> dict[str, Belief]:
     return {row: found[row] for row in CLARK2013_TABLE_III}
 
 
-def variants() -> tuple[Variant, ...]:
+def variants() -> tuple[FiltersVariant, ...]:
     """The table as it stands, and what explains how it differs from the printed one."""
     filters, speed = filters_of_table(), StraightAndIdle().speed
     brownian = ("Brownian only", "Combined Brownian")
     flights = {row: GAMMAS[row.split()[-1]] for row in filters if "Lévy" in row}
     cut = {row: replace(filters[row], motion=LevyFlight(gamma=gamma)) for row, gamma in flights.items()}
     return (
-        Variant(table=TABLE, carrier_speed=speed, filters=filters, note=NOTE, full=True),
-        Variant(
+        FiltersVariant(table=TABLE, carrier_speed=speed, filters=filters, note=NOTE, full=True),
+        FiltersVariant(
             table=f"{TABLE}, carrier at {SLOW:g} m/s",
             carrier_speed=SLOW,
             filters=filters,
             note=ON_SPEED,
         ),
-        Variant(
+        FiltersVariant(
             table=f"{TABLE}, v_max {FAST_WALK:g} m/s",
             carrier_speed=speed,
             filters={row: replace(filters[row], motion=BrownianWalk(max_speed=FAST_WALK)) for row in brownian},
             note=ON_WALK,
         ),
-        Variant(
+        FiltersVariant(
             table=f"{TABLE}, bounded",
             carrier_speed=speed,
             filters={"Standard PF": FILTERS["standard"], **cut},
@@ -128,7 +128,7 @@ def run_filters(setting: Setting) -> Findings:
     return Findings(rows=rows, figures={"clark2013_table_iii": picture})
 
 
-def run_variant(variant: Variant, missions: Sequence[Recording], setting: Setting) -> dict[str, Floats]:
+def run_variant(variant: FiltersVariant, missions: Sequence[Recording], setting: Setting) -> dict[str, Floats]:
     """Average error of each trial, (missions, trials) [m], by row."""
     errors = {}
     for row, belief in variant.filters.items():
@@ -149,7 +149,7 @@ def run_variant(variant: Variant, missions: Sequence[Recording], setting: Settin
     return errors
 
 
-def rows_of(variant: Variant, errors: Mapping[str, Floats]) -> list[Row]:
+def rows_of(variant: FiltersVariant, errors: Mapping[str, Floats]) -> list[Row]:
     """The rows of a variant; where it has all filters, also how alike the order is."""
     make = partial(make_row, paper=PAPER, table=variant.table, note=variant.note)
     rows = []
@@ -168,7 +168,7 @@ def rows_of(variant: Variant, errors: Mapping[str, Floats]) -> list[Row]:
     return rows
 
 
-def trials_of(variant: Variant, size: Size) -> int:
+def trials_of(variant: FiltersVariant, size: Size) -> int:
     return size.trials if variant.full else max(size.trials // 5, 1)
 
 

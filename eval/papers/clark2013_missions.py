@@ -62,7 +62,7 @@ ON_FLOWN = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class MissionsVariant:
     """What is changed in the scenario, how the tables call it, and why."""
 
     suffix: str  # of the table's name
@@ -77,9 +77,9 @@ class Variant:
 
 
 VARIANTS = (
-    Variant(suffix=""),
-    Variant(suffix=", noisier readings", noise=NOISIER, note=ON_NOISE),
-    Variant(suffix=", legs flown", controller=FLOWN, note=ON_FLOWN),
+    MissionsVariant(suffix=""),
+    MissionsVariant(suffix=", noisier readings", noise=NOISIER, note=ON_NOISE),
+    MissionsVariant(suffix=", legs flown", controller=FLOWN, note=ON_FLOWN),
 )
 
 NOTE_II = (
@@ -113,7 +113,7 @@ NOTE_8 = (
 )
 
 
-def record(scenario: Scenario, missions: int, setting: Setting, variant: Variant) -> list[Recording]:
+def record(scenario: Scenario, missions: int, setting: Setting, variant: MissionsVariant) -> list[Recording]:
     """Missions in a scenario, with what a variant changes."""
     return record_missions(
         variant.change(scenario),
@@ -125,7 +125,7 @@ def record(scenario: Scenario, missions: int, setting: Setting, variant: Variant
     )
 
 
-def record_moving(variant: Variant, setting: Setting) -> list[Recording]:
+def record_moving(variant: MissionsVariant, setting: Setting) -> list[Recording]:
     """auv2Track, as often as the size says."""
     size = setting.size
     return record(moving_scenario(size.particles, size.moving_seconds), size.moving, setting, variant)
@@ -186,7 +186,7 @@ def run_missions(setting: Setting) -> Findings:
     return Findings(rows=rows, figures=figures)
 
 
-def mission_rows(name: str, missions: Sequence[Recording], variant: Variant) -> list[Row]:
+def mission_rows(name: str, missions: Sequence[Recording], variant: MissionsVariant) -> list[Row]:
     settled = round(SETTLING / TIME_STEP)
     beliefs = np.array([mission.belief[settled:] for mission in missions])
     errors = np.array([mission.error[settled:] for mission in missions])

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 INTRODUCTION = (
     "Each cell: what the paper prints → ours. The papers did each experiment once; ours is the median of many simulated "
     "repetitions, in brackets their middle 95 %. A star marks a printed figure outside of it, a dash stands where none is "
-    "printed. Nothing in a paper's own tables was tuned to match but what a note names. The tables whose names go on after a "
+    "printed. Field data cannot be repeated: brackets there are how sure ours is, and no star judges the printed figure. "
+    "Nothing in a paper's own tables was tuned to match but what a note names. The tables whose names go on after a "
     "comma change one assumption at a time; their values were chosen after a look at several, so they explain a difference "
     "and predict nothing."
 )
@@ -54,7 +55,7 @@ def console_table(document: Document) -> Table:
     tables: dict[str, list[bool]] = {}
     for row in document["rows"]:
         agree = tables.setdefault(f"{row['paper']}, {row['table']}", [])
-        if row["paper_value"] is not None:
+        if row["paper_value"] is not None and row["repeated"]:
             agree.append(_agrees(row))
     cells = [[table, str(len(agree)), str(sum(agree)) if agree else "-"] for table, agree in tables.items()]
     note = "Within: printed figures inside the middle 95 % of our repetitions. papers.md has every figure, and what was assumed."
@@ -89,7 +90,7 @@ def _cell(row: Mapping[str, Any]) -> str:
     if row["unit"] == "s":  # printed periods: three digits would hide what they are about
         printed = f"{row['paper_value']:.5f}"
         ours = f"{row['ours']:.5f} [{row['low']:.5f}, {row['high']:.5f}]"
-    return f"{printed} → {ours}" + ("" if _agrees(row) else " *")
+    return f"{printed} → {ours}" + ("" if _agrees(row) or not row["repeated"] else " *")
 
 
 def _agrees(row: Mapping[str, Any]) -> bool:

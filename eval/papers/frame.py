@@ -34,6 +34,7 @@ class Row:
     high: float
     unit: str
     note: str  # what is assumed, and why order or size differ where they do
+    repeated: bool = True  # False: field data, whose interval says how sure ours is, not how the paper's might have come out
 
     def to_json(self) -> dict[str, Any]:
         """Plain values; null for a figure that is not finite."""

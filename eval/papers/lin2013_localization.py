@@ -39,7 +39,7 @@ RATE = 0.1  # alpha_fast, which the paper leaves open
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class LocalizationVariant:
     """The tables as they stand, or with one assumption changed."""
 
     changed: str = ""  # behind the table's name
@@ -76,9 +76,11 @@ ON_FIG_11_RATE = (
 )
 
 VARIANTS = (
-    Variant(note=NOTE, by_distance=ON_FIG_11, full=True),
-    Variant(changed=f", boat at {FASTER:g} m/s", boat=replace(BOAT, speed=FASTER), note=ON_BOAT, by_distance=ON_FIG_11_BOAT),
-    Variant(
+    LocalizationVariant(note=NOTE, by_distance=ON_FIG_11, full=True),
+    LocalizationVariant(
+        changed=f", boat at {FASTER:g} m/s", boat=replace(BOAT, speed=FASTER), note=ON_BOAT, by_distance=ON_FIG_11_BOAT
+    ),
+    LocalizationVariant(
         changed=f", alpha_fast {RATE:g}",
         recovery=replace(TIME_OF_FLIGHT.belief.recovery, fast_rate=RATE),
         note=ON_RATE,
@@ -117,7 +119,9 @@ def run_localization(setting: Setting) -> Findings:
     return Findings(rows=rows, figures={"lin2013_table_iv": picture, "lin2013_fig_11": plot_by_distance(boxes)})
 
 
-def localize(missions: Sequence[Recording], variant: Variant, on_board: Belief, setting: Setting) -> dict[str, Floats]:
+def localize(
+    missions: Sequence[Recording], variant: LocalizationVariant, on_board: Belief, setting: Setting
+) -> dict[str, Floats]:
     """Errors (missions, trials, K) [m] by measurements."""
     errors = {}
     for name, measurements in MEASUREMENTS.items():
@@ -133,7 +137,7 @@ def localize(missions: Sequence[Recording], variant: Variant, on_board: Belief, 
     return errors
 
 
-def rows_of_table(variant: Variant, errors: Mapping[str, Floats]) -> list[Row]:
+def rows_of_table(variant: LocalizationVariant, errors: Mapping[str, Floats]) -> list[Row]:
     """Mean and standard deviation over all trials and steps of a mission; and by how much both beat the better one alone."""
     make = partial(make_row, paper=PAPER, table=TABLE + variant.changed, note=variant.note)
     rows = []
@@ -157,7 +161,7 @@ def rows_of_online(missions: Sequence[Recording]) -> list[Row]:
     return [make(values, column=column, paper_value=LIN2013_FIG_8[column]) for column, values in figures.items()]
 
 
-def rows_by_distance(variant: Variant, errors: Mapping[str, Floats], distance: Floats) -> list[Row]:
+def rows_by_distance(variant: LocalizationVariant, errors: Mapping[str, Floats], distance: Floats) -> list[Row]:
     """Fig. 11: quartiles of a mission's errors while the boat was so far off. ``distance``: (missions, K) [m]."""
     make = partial(make_row, paper=PAPER, table="Fig. 11" + variant.changed, unit="m", note=variant.by_distance)
     rows = []
@@ -193,7 +197,7 @@ def plot_by_distance(found: Mapping[str, tuple[Mapping[str, Floats], Floats]]) -
     return figure
 
 
-def trials_of(variant: Variant, size: Size) -> int:
+def trials_of(variant: LocalizationVariant, size: Size) -> int:
     return size.offline if variant.full else max(size.offline // 4, 1)
 
 

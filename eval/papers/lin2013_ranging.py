@@ -63,13 +63,17 @@ ON_EXACT = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class RangedPings:
     """One repetition of one experiment, P pings that passed the gate."""
 
     time: Floats  # (P,) from the start of the experiment [s]
     true: Floats  # (P,) distance [m]
     actual: Floats  # (P,) as the GPS has it [m]
     calculated: Floats  # (P,) from the time of flight [m]
+
+    def error(self, *, exact: bool = False) -> Floats:
+        """(P,) actual minus calculated distance [m]; the true one in place of the actual where it is taken ``exact``."""
+        return (self.true if exact else self.actual) - self.calculated
 
 
 def run_ranging(setting: Setting) -> Findings:
@@ -81,7 +85,7 @@ def run_ranging(setting: Setting) -> Findings:
         threads=setting.threads,
         on_step=setting.advance,
     )
-    found: dict[str, list[Comparison]] = {"Tied to buoy": [], "Active tracking": []}
+    found: dict[str, list[RangedPings]] = {"Tied to buoy": [], "Active tracking": []}
     for mission, generator in zip(missions, generators(setting.seed, setting.size.records, 6), strict=True):
         found["Tied to buoy"].append(measure_tied(generator))
         found["Active tracking"].append(measure_active(mission, generator))
@@ -89,7 +93,7 @@ def run_ranging(setting: Setting) -> Findings:
     rows = []
     for exact, note in ((False, NOTE), (True, ON_EXACT)):
         for name, comparisons in found.items():
-            errors = [(each.true if exact else each.actual) - each.calculated for each in comparisons]
+            errors = [each.error(exact=exact) for each in comparisons]
             figures = {"mean": [error.mean() for error in errors], "σ": [error.std() for error in errors]}
             for column, values in figures.items():
                 table = TABLE + (", exact positions" if exact else "")
@@ -99,7 +103,7 @@ def run_ranging(setting: Setting) -> Findings:
     return Findings(rows=rows, figures={"lin2013_fig_4_5": plot_distances({name: each[0] for name, each in found.items()})})
 
 
-def measure_tied(generator: np.random.Generator) -> Comparison:
+def measure_tied(generator: np.random.Generator) -> RangedPings:
     """The vehicle on its buoy, with its loops to the dock; the record begins with the tag held to it."""
 
     def distance(time: Floats) -> Floats:
@@ -108,7 +112,7 @@ def measure_tied(generator: np.random.Generator) -> Comparison:
     time, calculated = range_pings(distance, ADJACENT, TIED_SECONDS, generator)
     true = tied_distance(time)
     surveyed = FIX_SIGMA * generator.normal()  # along the line: at 85 m the error across it hardly changes the distance
-    return Comparison(time=time, true=true, actual=true + gps_error(time, generator) - surveyed, calculated=calculated)
+    return RangedPings(time=time, true=true, actual=true + gps_error(time, generator) - surveyed, calculated=calculated)
 
 
 def tied_distance(time: Floats) -> Floats:
@@ -118,7 +122,7 @@ def tied_distance(time: Floats) -> Floats:
     return np.minimum(BUOY, LOOP_SPEED * np.abs(since - away))
 
 
-def measure_active(mission: Recording, generator: np.random.Generator) -> Comparison:
+def measure_active(mission: Recording, generator: np.random.Generator) -> RangedPings:
     """The vehicle after the boat, hours after t_0 was corrected; the boat's place by its GPS, the vehicle's as it believes it."""
     clock = TIME_STEP * np.arange(mission.fish.shape[0])
     begin = ADJACENT + SINCE_CORRECTION
@@ -131,7 +135,7 @@ def measure_active(mission: Recording, generator: np.random.Generator) -> Compar
     apart = mission.fish - believed
     boat = np.stack([np.interp(time, clock, apart[:, axis]) + gps_error(time, generator) for axis in range(2)], axis=-1)
     true = np.interp(time, clock, mission.range)
-    return Comparison(time=time, true=true, actual=np.hypot(*boat.T), calculated=calculated)
+    return RangedPings(time=time, true=true, actual=np.hypot(*boat.T), calculated=calculated)
 
 
 def range_pings(
@@ -164,7 +168,7 @@ def gps_error(time: Floats, generator: np.random.Generator) -> Floats:
     return error
 
 
-def plot_distances(comparisons: Mapping[str, Comparison]) -> Figure:
+def plot_distances(comparisons: Mapping[str, RangedPings]) -> Figure:
     """Actual and calculated distance over time, one repetition of each experiment."""
     figure, panels = empty_figure(width=9.0, height=6.0, rows=len(comparisons))
     for axes, (name, each) in zip(panels, comparisons.items(), strict=True):

@@ -43,7 +43,7 @@ WAYS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class RecoveryVariant:
     """The comparison under one belief."""
 
     table: str
@@ -66,10 +66,10 @@ ON_ANGLE = (
 )
 
 VARIANTS = (
-    Variant(table=TABLE, note=NOTE),
-    Variant(table=f"{TABLE}, a tenth of the particles", fewer=10, note=ON_FEWER),
-    Variant(table=f"{TABLE}, by angle alone", measurements=Measurements.ANGLE, note=ON_ANGLE),
-    Variant(table=f"{TABLE}, alpha_fast {SLOWER:g}", fast_rate=SLOWER, note=ON_RATE),
+    RecoveryVariant(table=TABLE, note=NOTE),
+    RecoveryVariant(table=f"{TABLE}, a tenth of the particles", fewer=10, note=ON_FEWER),
+    RecoveryVariant(table=f"{TABLE}, by angle alone", measurements=Measurements.ANGLE, note=ON_ANGLE),
+    RecoveryVariant(table=f"{TABLE}, alpha_fast {SLOWER:g}", fast_rate=SLOWER, note=ON_RATE),
 )
 
 
@@ -88,7 +88,7 @@ def run_recovery(setting: Setting) -> Findings:
     return Findings(rows=rows, figures=pictures)
 
 
-def recovery_of(variant: Variant, way: str) -> Recovery:
+def recovery_of(variant: RecoveryVariant, way: str) -> Recovery:
     second = WAYS[way]
     return Recovery() if second is None else replace(RATES, fast_rate=variant.fast_rate, second_resampling=second)
 
@@ -131,7 +131,7 @@ def time_back(errors: Floats) -> Floats:
     return np.where(back.any(axis=0), TIME_OF_FLIGHT.time_step * (back.argmax(axis=0) + 1), np.inf)
 
 
-def rows_of(variant: Variant, errors: Mapping[str, Floats]) -> list[Row]:
+def rows_of(variant: RecoveryVariant, errors: Mapping[str, Floats]) -> list[Row]:
     """Share back, time and error, each of groups of missions."""
     make = partial(make_row, paper=PAPER, table=variant.table, note=variant.note)
     rows = []

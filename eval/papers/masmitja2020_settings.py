@@ -74,7 +74,7 @@ ON_MOTION = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class RatiosVariant:
     """Under which assumption which ratios are varied."""
 
     suffix: str
@@ -87,9 +87,9 @@ class Variant:
 
 
 VARIANTS = (
-    Variant(suffix="", note=NOTE),
-    Variant(suffix=", Eq. 22", receiver=EQUATION_22, known=True, ratios=("radius", "range"), note=ON_EQUATION_22),
-    Variant(suffix=", Eq. 8", motion=WhiteAcceleration(), ratios=("radius", "range"), note=ON_MOTION),
+    RatiosVariant(suffix="", note=NOTE),
+    RatiosVariant(suffix=", Eq. 22", receiver=EQUATION_22, known=True, ratios=("radius", "range"), note=ON_EQUATION_22),
+    RatiosVariant(suffix=", Eq. 8", motion=WhiteAcceleration(), ratios=("radius", "range"), note=ON_MOTION),
 )
 
 
@@ -132,13 +132,13 @@ def run_settings(setting: Setting) -> Findings:
     return Findings(rows=rows, figures=figures)
 
 
-def sweep(ratio: str, target: str, variant: Variant, setting: Setting) -> Sweep:
+def sweep(ratio: str, target: str, variant: RatiosVariant, setting: Setting) -> Sweep:
     """One ratio varied, for one target."""
     errors = [run_value(ratio, value, target, variant, setting) for value in SWEEPS[ratio]]
     return Sweep(values=SWEEPS[ratio], errors=np.array(errors))
 
 
-def run_value(ratio: str, value: float, target: str, variant: Variant, setting: Setting) -> Floats:
+def run_value(ratio: str, value: float, target: str, variant: RatiosVariant, setting: Setting) -> Floats:
     """(iterations,) mean error [m] with one ratio changed."""
     particle_range = value * MAX_RANGE if ratio == "range" else PARTICLE_RANGE
     belief = replace(
@@ -161,7 +161,7 @@ def run_value(ratio: str, value: float, target: str, variant: Variant, setting: 
 def plot_sweeps(found: Mapping[tuple[str, str], Sweep]) -> Figure:
     """Mean error over each ratio, for both targets, with the standard error; the paper's choice is marked."""
     ratios = list(dict.fromkeys(ratio for ratio, _ in found))
-    rows, columns = (2, 2) if len(ratios) > 1 else (1, 1)
+    rows, columns = (2, 2) if len(ratios) > 2 else (1, len(ratios))
     figure, panels = empty_figure(width=4.5 * columns, height=3.0 * rows, rows=rows, columns=columns)
     for axes, ratio in zip(panels, ratios, strict=True):
         for target, colour in zip(TARGETS, COLOURS, strict=False):

@@ -55,7 +55,7 @@ ON_MOTION = "As the first table, particles moving by Eq. 8 (a velocity that chan
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
+class TurnVariant:
     """One change of an assumption, and why."""
 
     suffix: str
@@ -65,11 +65,11 @@ class Variant:
 
 
 VARIANTS = (
-    Variant(suffix="", belief=area_belief(), note=NOTE),
-    Variant(suffix=", mu 250 m", belief=area_belief(mu=MAX_RANGE), note=ON_NEARER),
-    Variant(suffix=", Eq. 22", belief=area_belief(receiver=EQUATION_22, mu=MAX_RANGE), note=ON_EQUATION_22),
-    Variant(suffix=", reception known", belief=area_belief(), told=True, note=ON_KNOWN),
-    Variant(suffix=", Eq. 8", belief=replace(area_belief(), motion=WhiteAcceleration()), note=ON_MOTION),
+    TurnVariant(suffix="", belief=area_belief(), note=NOTE),
+    TurnVariant(suffix=", mu 250 m", belief=area_belief(mu=MAX_RANGE), note=ON_NEARER),
+    TurnVariant(suffix=", Eq. 22", belief=area_belief(receiver=EQUATION_22, mu=MAX_RANGE), note=ON_EQUATION_22),
+    TurnVariant(suffix=", reception known", belief=area_belief(), told=True, note=ON_KNOWN),
+    TurnVariant(suffix=", Eq. 8", belief=replace(area_belief(), motion=WhiteAcceleration()), note=ON_MOTION),
 )
 
 
@@ -84,7 +84,7 @@ def run_turn(setting: Setting) -> Findings:
     return Findings(rows=rows, figures={"masmitja2020_fig_3d": plot_turn(errors)})
 
 
-def track(variant: Variant, reception: float, setting: Setting) -> Floats:
+def track(variant: TurnVariant, reception: float, setting: Setting) -> Floats:
     """Errors (iterations, steps) [m]."""
     belief = told_of(reception) if variant.told else variant.belief
     size = setting.size
@@ -92,7 +92,7 @@ def track(variant: Variant, reception: float, setting: Setting) -> Floats:
     return iterate(scenario, size.tracked, setting)
 
 
-def turn_rows(reception: str, error: Floats, variant: Variant, seed: int) -> list[Row]:
+def turn_rows(reception: str, error: Floats, variant: TurnVariant, seed: int) -> list[Row]:
     """Errors before and after the turn, and where it is printed the share of iterations lost."""
     sets = resample_iterations(len(error), seed)
     make = partial(make_row, paper=PAPER, table=TABLE + variant.suffix, row=f"{reception} % received", note=variant.note)

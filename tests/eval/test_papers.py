@@ -15,7 +15,7 @@ from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.registry import EXPERIMENTS
 from tagtrack.eval.plots import empty_figure
 
-KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note"]
+KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note", "repeated"]
 
 
 def row(repetitions, **changes):
