@@ -39,6 +39,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     * ``TagTrack/LeopardShark-v0``: keep the localization error low.
     * ``TagTrack/LeopardSharkStandoff-v0``: the same, without coming nearer than 20 m; the action sets the speed, too.
 
+    * ``TagTrack/Glider-v0``: a vehicle of 0.8 m/s after a fish that may swim as fast: a wrong turn is not made good again.
+    * ``TagTrack/GliderPair-v0``: two vehicles of 0.5 m/s, steered together, among four fish (see "Several tags" below).
+
     ``preset="surf_zone"`` of the first is a second water: sound carries 80 m in place of 100, bursts of losses take 40 % of the
     time in place of 20 and last twice as long.
 

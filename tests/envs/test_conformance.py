@@ -13,6 +13,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import tagtrack  # noqa: F401  registers the ids
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.vector import TagTrackVectorEnv
+from tests.tasks import LONE
 
 IDS = list(SCENARIOS)
 
@@ -47,7 +48,7 @@ def test_gymnasium_checker_finds_nothing_in_a_team(env_id: str, team: dict[str, 
     check_env(gym.make(env_id, particles=20, overrides=battery, **team).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("env_id", IDS)
+@pytest.mark.parametrize("env_id", LONE)
 def test_stable_baselines_checker_finds_nothing(env_id: str) -> None:
     check_env_sb3(gym.make(env_id, particles=50).unwrapped)
 

@@ -18,6 +18,7 @@ from tagtrack.envs.sensors import PresenceReceiver, RangeReceiver, StereoHydroph
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
+from tests.tasks import LONE
 
 VEMCO = Tag(period=60.0, random_delay=30.0)
 
@@ -142,7 +143,7 @@ def test_a_ping_without_a_time_of_arrival_came_when_it_was_told() -> None:
     assert tell(belief, 30.0, Status.HEARD)["surely_by"] == 30.0 + 90.0
 
 
-@pytest.mark.parametrize("env_id", [name for name, scenario in SCENARIOS.items() if scenario.tag.random_delay == 0.0])
+@pytest.mark.parametrize("env_id", [name for name in LONE if SCENARIOS[name].tag.random_delay == 0.0])
 def test_observation_shows_no_phase_before_the_first_detection(env_id: str) -> None:
     """Where half of the pings are lost, some worlds wait; from the first detection on the phase is that of the true tag."""
     scenario = with_overrides(SCENARIOS[env_id], {"belief.particles": 20, "water.clear_hearing": 0.4, "water.noisy_share": 0.0})

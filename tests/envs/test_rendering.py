@@ -12,11 +12,12 @@ import tagtrack  # noqa: F401  registers the ids
 from tagtrack.envs.legend import BELIEF, FAINT, FISH, MESSAGE, PAPER, VEHICLE, Legend, shade
 from tagtrack.envs.parallel import TagTrackParallelEnv, parallel_env
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
-from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors.sensor import Glimpse
 from tagtrack.envs.sim.modem import NoModem
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
+from tests.tasks import LONE
 
 pygame = pytest.importorskip("pygame")
 ACTION = np.array([0.6, 0.8, 1.0], np.float32)
@@ -35,7 +36,7 @@ def pixels_near(frame: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(frame[:, :640].astype(int) - colour).max(axis=-1) <= 12).sum())
 
 
-@pytest.mark.parametrize("env_id", list(SCENARIOS))
+@pytest.mark.parametrize("env_id", LONE)
 def test_frame_is_an_image_with_vehicle_fish_and_belief_in_it(env_id: str) -> None:
     frame = sailed(env_id).render()
     assert frame.dtype == np.uint8 and frame.ndim == 3 and frame.shape[2] == 3
@@ -207,7 +208,7 @@ def test_arena_is_a_circle_where_there_is_one() -> None:
     assert grey > 100
 
 
-@pytest.mark.parametrize("env_id", list(SCENARIOS))
+@pytest.mark.parametrize("env_id", LONE)
 def test_no_line_of_the_legend_runs_out_of_the_panel(env_id: str) -> None:
     everything = {"vehicle.battery": 100.0, "vehicle.arena": 500.0, "reward.perimeter": 20.0}
     fleet = parallel_env(env_id, vehicles=3, tags=2, modem="tdma", particles=10, overrides=everything)

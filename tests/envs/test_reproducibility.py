@@ -11,10 +11,11 @@ import pytest
 
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.parallel import TagTrackParallelEnv
-from tagtrack.envs.scenario import SCENARIOS, Scenario
+from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.envs.vector import TagTrackVectorEnv
+from tests.tasks import LONE
 
 LIMIT = 30
 STEPS = 2 * LIMIT + 10  # two whole episodes and the beginning of a third
@@ -61,7 +62,7 @@ def run_together(env_id: str, num_envs: int, threads: int, particles: int) -> li
 
 
 @pytest.mark.parametrize(("num_envs", "threads"), [(1, 1), (2, 2), (7, 1), (7, 2), (7, 3), (20, 2)])
-@pytest.mark.parametrize("env_id", list(SCENARIOS))
+@pytest.mark.parametrize("env_id", LONE)
 def test_row_of_a_batch_equals_the_single_environment_bit_for_bit(env_id: str, num_envs: int, threads: int) -> None:
     rows = run_together(env_id, num_envs, threads, particles=100)
     for world in {0, num_envs // 2, num_envs - 1}:

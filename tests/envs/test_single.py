@@ -19,6 +19,7 @@ from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.envs.task import TaskOptions
 from tagtrack.envs.time_of_flight import TimeOfFlightEnv
+from tests.tasks import LONE
 
 AHEAD = np.array([1.0, 0.0], np.float32)
 
@@ -34,7 +35,7 @@ def table_under(heading: str, documented: type[TagTrackEnv] = TagTrackEnv) -> li
     return rows[2:]
 
 
-@pytest.mark.parametrize("env_id", SCENARIOS)
+@pytest.mark.parametrize("env_id", LONE)
 def test_observation_table_of_the_docstring_agrees_with_the_features(env_id: str) -> None:
     env = gym.make(env_id, particles=10).unwrapped
     layout = features(env.simulation.scenario)
@@ -63,7 +64,7 @@ def test_environments_made_without_an_id_are_those_of_their_docstring(env_class:
     assert env.observation_space == gym.make(env.default_id, particles=10).observation_space
 
 
-@pytest.mark.parametrize(("env_id", "actions"), [(name, 3 if s.speed_control else 2) for name, s in SCENARIOS.items()])
+@pytest.mark.parametrize(("env_id", "actions"), [(name, 3 if SCENARIOS[name].speed_control else 2) for name in LONE])
 def test_spaces_are_finite_float32_boxes(env_id: str, actions: int) -> None:
     env = gym.make(env_id)
     assert env.observation_space.shape == (21,) and env.observation_space.dtype == np.float32
@@ -71,7 +72,7 @@ def test_spaces_are_finite_float32_boxes(env_id: str, actions: int) -> None:
     assert env.action_space == gym.spaces.Box(-1.0, 1.0, (actions,), np.float32)
 
 
-@pytest.mark.parametrize("env_id", SCENARIOS)
+@pytest.mark.parametrize("env_id", LONE)
 def test_observations_stay_inside_their_bounds_in_bad_water(env_id: str) -> None:
     env = make(env_id=env_id, overrides={"water.noisy_share": 0.95})
     env.action_space.seed(0)

@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import Task, build_task
 from tagtrack.live.journal import JOURNAL_FILE, Journal
 from tagtrack.live.recording import Recorder
 from tagtrack.live.steer import handle, prepare
 from tests.live.conftest import sail
+from tests.tasks import LONE
 
 Live = Callable[..., tuple[int, str, str]]
 
@@ -41,7 +41,7 @@ def estimates_of(folder: Path, tags: int) -> np.ndarray:
     return np.array([[float(row["best_x"]), float(row["best_y"])] for row in rows]).reshape(-1, tags, 2)
 
 
-@pytest.mark.parametrize(("env_id", "tags"), [*((env_id, 1) for env_id in SCENARIOS), ("TagTrack/LeopardShark-v0", 3)])
+@pytest.mark.parametrize(("env_id", "tags"), [*((env_id, 1) for env_id in LONE), ("TagTrack/LeopardShark-v0", 3)])
 def test_a_recorded_episode_gives_its_own_estimates_bit_for_bit(tmp_path: Path, live: Live, env_id: str, tags: int) -> None:
     own = record(tmp_path / "log", build_task(env_id, particles=150, tags=tags), env_id)
     status, shown, error = live("replay", "--log", tmp_path / "log", "--out", tmp_path / "out")

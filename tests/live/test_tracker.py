@@ -10,13 +10,13 @@ import pytest
 
 from tagtrack.envs.belief.filter import ParticleFilter
 from tagtrack.envs.measurement import Status, measurement
-from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import build_task
 from tagtrack.live import Conventions, Tracker
 from tests.live.conftest import MATHEMATICAL, depths_of, events_of, feed, sail
+from tests.tasks import LONE
 
 CASES = [
-    *((env_id, 1, "circle") for env_id in SCENARIOS),
+    *((env_id, 1, "circle") for env_id in LONE),
     ("LeopardShark-v0", 3, "information"),
     ("RangeOnly-v0", 2, "uncertain"),
 ]
