@@ -22,7 +22,7 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("positions.csv", "summary.json", "map.png")
-COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,other_x,other_y"
+COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,ambiguous,other_x,other_y"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     figures["rmse_m"] = float(np.sqrt(np.mean(error**2))) if error.size else None
     mean = np.average(position, axis=0, weights=count) if known.any() else (None, None)
     figures["mean_x"], figures["mean_y"] = (None if value is None else float(value) for value in mean)
-    ambiguous = int(np.isfinite(located.other[known]).all(axis=1).sum())
+    ambiguous = int(located.ambiguous[known].sum())
     return {**figures, "ambiguous": ambiguous, "sigma_s": located.sigma, "arrivals_removed": located.removed}
 
 
@@ -125,7 +125,8 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
             (x, y), (sd_x, sd_y) = each.positions.position[k], sd[k]
             line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
             line += f",{each.positions.covariance[k, 0, 1]:.4f}"
-            line += "".join("," if np.isnan(value) else f",{value:.3f}" for value in (each.misfit[k], *each.other[k]))
+            misfit, *other = ("" if np.isnan(value) else f"{value:.3f}" for value in (each.misfit[k], *each.other[k]))
+            line += "".join(f",{text}" for text in (misfit, f"{each.ambiguous[k]:d}", *other))
             lines.append(line + "".join(f",{value:.8f}" for value in place))
     return lines
 

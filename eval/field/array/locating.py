@@ -15,6 +15,7 @@ from tagtrack.eval.field.array.reading import by_deployment, fit_names, read_alo
 from tagtrack.eval.field.static_array.averaging import average_pings, number_by_count, number_by_time
 from tagtrack.eval.field.static_array.consensus import agree
 from tagtrack.eval.field.static_array.detections import Detections, shorten
+from tagtrack.eval.field.static_array.likelihood import make_likelihood
 from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.eval.field.static_array.noise import estimate_sigma
@@ -39,11 +40,17 @@ class Located:
     removed: int  # arrivals that no place explains, or that disagree with the others
     misfit: Floats  # (K,) root of the cost per spare arrival, 1 as expected; NaN where none is to spare
     other: Floats  # (K, 2) another place that explains the ping as well [m]; NaN where there is none
+    other_covariance: Floats  # (K, 2, 2) of that [m^2]
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """(K,) bool: which rows have a position."""
         return np.asarray(np.isfinite(self.positions.position).all(axis=1))
+
+    @property
+    def ambiguous(self) -> NDArray[np.bool_]:
+        """(K,) bool: which rows have another place."""
+        return np.asarray(np.isfinite(self.other).all(axis=1))
 
     @property
     def sd(self) -> Floats:
@@ -148,9 +155,10 @@ class LocateOptions:
         if self.method not in HARDY:
             positions = widen(positions, misfit)
         positions = _certain(positions, self.max_sd)
-        other = np.full(positions.position.shape, np.nan)
+        other, other_covariance = np.full_like(positions.position, np.nan), np.full_like(positions.covariance, np.nan)
         if not averaging:
             other = other_places(pings, receivers, setting, positions.position, positions.covariance)
+            other_covariance = make_likelihood(pings, receivers, setting).positions(other).covariance
         return Located(
             tag=tag,
             heard=heard,
@@ -161,6 +169,7 @@ class LocateOptions:
             removed=cleaned.impossible + dropped,
             misfit=misfit,
             other=other,
+            other_covariance=other_covariance,
         )
 
 

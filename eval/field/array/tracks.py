@@ -14,6 +14,7 @@ import tyro
 from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
 from tagtrack.eval.field.array.locating import Located, LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
+from tagtrack.eval.field.static_array.choosing import choose_places
 from tagtrack.eval.field.static_array.model import Floats
 from tagtrack.eval.field.static_array.smoothing import SmoothTrack, choose_walk, smooth
 from tagtrack.eval.field.telemetry import read_receivers, write_movebank, write_tracks
@@ -33,8 +34,14 @@ class Animal:
 
     tag: str
     pings: int
+    undecided: int  # of them, which fit two places that their neighbours do not tell apart: left out
     stretches: Sequence[SmoothTrack]
     apart: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """(J, 2, 2) of the rows of the track [m^2]."""
+        return np.concatenate([each.covariance for each in self.stretches])
 
     @property
     def track(self) -> Track:
@@ -50,7 +57,8 @@ class Animal:
 class Tracks:
     """Turn detections into tracks: locate each ping, then smooth (a correlated random walk, RTS smoother).
 
-    Writes tracks.csv (tag,t_unix_s,x,y), training.csv and held_out.csv (the same, split by animal), tracks.json and map.png.
+    Writes tracks.csv (tag,t_unix_s,x,y and sd_x,sd_y,cov_xy), training.csv and held_out.csv (split by animal), tracks.json and
+    map.png. Of a ping that fits two places, the one that its neighbours lead to is taken.
     Where no ping was located for longer than --longest-gap the track is cut: no rows stand there. Use a file with
     `python -m train --tracks FILE`. Where --receivers is in degrees, x,y are metres east and north of the origin that tracks.json
     names, and movebank.csv has the tracks in degrees, as Movebank takes them.
@@ -87,7 +95,9 @@ class Tracks:
                 advance(located.tag, 1)
         found = [animal for animal in animals if animal.stretches]
         if not found:
-            raise ValueError(f"no tag has a stretch of {self.least_pings} located pings; lower --least-pings")
+            doubtful = sum(animal.undecided for animal in animals)
+            why = f" ({doubtful} pings fit two places that their neighbours do not tell apart)" if doubtful else ""
+            raise ValueError(f"no tag has a stretch of {self.least_pings} located pings{why}; lower --least-pings")
         document: dict[str, Any] = {
             "tags": {animal.tag: summarize_animal(animal) for animal in animals},
             "odd_even_median_m": _median(np.concatenate([animal.apart for animal in animals])),
@@ -102,7 +112,7 @@ class Tracks:
         print_animals(document)
         with replace_results(self.out, OWN_FILES) as folder:
             tracks = {animal.tag: animal.track for animal in found}
-            write_tracks(folder / "tracks.csv", tracks)
+            write_tracks(folder / "tracks.csv", tracks, covariance={animal.tag: animal.covariance for animal in found})
             if plane:
                 write_movebank(folder / "movebank.csv", tracks, plane)
             if len(tracks) > 1:
@@ -133,10 +143,18 @@ class Tracks:
         """Smooth the stretches of one tag; none if there are too few pings."""
         known = located.known
         time, position = located.pings.time[known], located.positions.position[known]
-        covariance = located.positions.covariance[known]
+        covariance, other = located.positions.covariance[known], located.other[known]
+        undecided = 0
+        if located.ambiguous[known].any():
+            at_other, unclear = choose_places(time, position, other, covariance)
+            position = np.where(at_other[:, None], other, position)
+            covariance = np.where(at_other[:, None, None], located.other_covariance[known], covariance)
+            clear = ~unclear & np.isfinite(covariance).all(axis=(1, 2))
+            time, position, covariance = time[clear], position[clear], covariance[clear]
+            undecided = int((~clear).sum())
         stretches = [each for each in find_unbroken(time, self.longest_gap) if each.stop - each.start >= self.least_pings]
         if not stretches:
-            return Animal(tag=located.tag, pings=int(known.sum()), stretches=(), apart=np.empty(0))
+            return Animal(tag=located.tag, pings=int(known.sum()), undecided=undecided, stretches=(), apart=np.empty(0))
         walk = choose_walk(time, position, covariance)
         smoothed, apart = [], []
         for each in stretches:
@@ -151,6 +169,7 @@ class Tracks:
         return Animal(
             tag=located.tag,
             pings=int(known.sum()),
+            undecided=undecided,
             stretches=smoothed,
             apart=np.concatenate(apart) if apart else np.empty(0),
         )
@@ -169,6 +188,7 @@ def summarize_animal(animal: Animal) -> dict[str, Any]:
     return {
         "pings_located": animal.pings,
         "pings_refused": refused,
+        "pings_undecided": animal.undecided,
         "stretches": len(animal.stretches),
         "hours": sum(float(each.time[-1] - each.time[0]) for each in animal.stretches) / 3600,
         "path_m": float(sum(step)),
@@ -202,6 +222,10 @@ def print_animals(document: dict[str, Any]) -> None:
     if document["odd_even_median_m"] is not None:
         note += f"; tracks of odd and of even pings are {document['odd_even_median_m']:.2f} m apart in the median of all rows"
     rich.print(as_console_table(header, rows, note))
+    for tag, figures in document["tags"].items():
+        if figures["pings_undecided"]:
+            share = f"{figures['pings_undecided']} of {figures['pings_located']} pings of {tag}"
+            print(f"note: {share} fit two places that their neighbours do not tell apart; they are left out")
 
 
 def _median(value: Floats) -> float | None:

@@ -9,9 +9,12 @@ from tagtrack.eval.field.static_array.likelihood import Likelihood, make_likelih
 from tagtrack.eval.field.static_array.maximum_likelihood import descend, start_places
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings
 
-MARGIN = 4.5  # of the cost, by which another place may fit worse and still be the true one: three standard deviations
+MARGIN = 6.9  # of the cost, by which another place may fit worse and still be the true one: half the 99.9 % quantile of chi2(2)
 APART = 3.0  # standard deviations of the estimate, nearer than which another minimum is the same place
 LEAST_APART = 2.0  # [m]
+BEYOND = 4.5  # standard deviations, farther than which a place in the same valley is another one: its ellipse is too short
+GRID = 5  # starts along each axis of a square twice as wide as the array
+VALLEY_STEPS = 60  # at most, each way
 FLAT = 0.1  # breadth of the receivers that heard a ping over their length, below which they stand in a line
 
 
@@ -34,7 +37,7 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
     cost = part.cost(own)
     sd = np.sqrt(np.linalg.eigvalsh(covariance[rows])[:, -1])
     best = np.full(rows.size, np.inf)
-    starts = [np.tile(place, (rows.size, 1)) for place in start_places(part)]
+    starts = [np.tile(place, (rows.size, 1)) for place in (*start_places(part), *_grid(part))]
     starts.append(_mirrored(part, own))
     for start in starts:
         found = descend(part, start)
@@ -43,7 +46,50 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
         better = (away > np.maximum(APART * sd, LEAST_APART)) & (value <= cost + MARGIN) & (value < best)
         best[better] = value[better]
         others[rows[better]] = found[better]
+    for way in (-1.0, 1.0):
+        end = _follow_valley(part, own, sd, way)
+        far = (np.linalg.norm(end - own, axis=1) > np.maximum(BEYOND * sd, LEAST_APART)) & np.isinf(best)
+        others[rows[far]] = end[far]
     return others
+
+
+def _grid(likelihood: Likelihood) -> Floats:
+    """Places (S, n) all about the array."""
+    reach = np.linspace(-likelihood.span, likelihood.span, GRID)
+    return likelihood.centre + np.stack(np.meshgrid(*[reach] * likelihood.dimensions), axis=-1).reshape(-1, likelihood.dimensions)
+
+
+def _follow_valley(likelihood: Likelihood, position: Floats, sd: Floats, way: float) -> Floats:
+    """Where the valley of the cost through minima (K, n) has risen by MARGIN, one way along it: where the ping may as well be.
+
+    Where receivers are few the cost is a bent and narrow valley, which an ellipse about its bottom follows for a short way only.
+    """
+    place, cost = position.copy(), likelihood.cost(position)
+    course = np.zeros_like(position)
+    going = np.isfinite(sd)
+    for _ in range(VALLEY_STEPS):
+        rows = np.flatnonzero(going)
+        if not rows.size:
+            break
+        part, here = likelihood.take(rows), place[rows]
+        along = _softest(part.derivatives(here).information)
+        turned = np.einsum("kn,kn->k", along, course[rows])
+        along *= np.where(turned == 0.0, way, np.sign(turned))[:, None]
+        trial = here + np.minimum(sd[rows], likelihood.span / 20.0)[:, None] * along
+        for _ in range(2):  # back to the bottom, across the valley
+            now = part.derivatives(trial)
+            across = now.gradient - np.einsum("kn,kn->k", now.gradient, along)[:, None] * along
+            stiff = np.linalg.eigvalsh(now.information)[:, -1]
+            trial = trial - across / np.maximum(stiff, 1e-12)[:, None]
+        within = np.isfinite(trial).all(axis=1) & (part.cost(trial) <= cost[rows] + MARGIN)
+        place[rows[within]], course[rows] = trial[within], along
+        going[rows[~within]] = False
+    return place
+
+
+def _softest(information: Floats) -> Floats:
+    """(K, n) the direction in which least is known."""
+    return np.asarray(np.linalg.eigh(information)[1][:, :, 0])
 
 
 def _mirrored(likelihood: Likelihood, position: Floats) -> Floats:

@@ -66,20 +66,31 @@ def read_tracks(path: str | Path, plane: Plane | None = None) -> Tracks:
     return Tracks(of={track.tag or name: track for track in tracks}, plane=plane)
 
 
-def write_tracks(path: str | Path, tracks: Mapping[str, Track], plane: Plane | None = None) -> None:
+def write_tracks(
+    path: str | Path,
+    tracks: Mapping[str, Track],
+    plane: Plane | None = None,
+    covariance: Mapping[str, Floats] | None = None,
+) -> None:
     """Write a csv as ``read_tracks`` takes it, gzip if the name ends in ``.gz``: one row for each finite position.
 
     Args:
         plane: if given, the file tells longitude and latitude instead of x and y.
+        covariance: by tag, (K, 2, 2) of the positions [m^2], for columns ``sd_x,sd_y,cov_xy``.
     Raises:
         ValueError: for a position too far from the plane's origin. OSError: if it cannot be written; an old file then stays.
     """
     with replace_csv(path) as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(("tag", "t_unix_s", *(("lon", "lat") if plane else ("x", "y"))))
+        spread = ("sd_x", "sd_y", "cov_xy") if covariance else ()
+        writer.writerow(("tag", "t_unix_s", *(("lon", "lat") if plane else ("x", "y")), *spread))
         for tag, time, position in _fixes(tracks):
             place = plane.to_geodetic(position) if plane else position
-            writer.writerows((tag, *row) for row in zip(time.tolist(), *place.T.tolist(), strict=True))
+            columns = [time, *place.T]
+            if covariance:
+                own = covariance[tag][np.isfinite(tracks[tag].position).all(axis=1)]
+                columns += [np.sqrt(own[:, 0, 0]).round(4), np.sqrt(own[:, 1, 1]).round(4), own[:, 0, 1].round(5)]
+            writer.writerows((tag, *row) for row in zip(*(column.tolist() for column in columns), strict=True))
 
 
 def write_movebank(

@@ -80,7 +80,7 @@ def test_positions_are_as_near_as_the_noise_allows(campaign: Path, array: Callab
     assert found["animal-0"]["median_m"] is None
     with (campaign / "out" / "positions.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert ",".join(rows[0]) == "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,other_x,other_y"
+    assert ",".join(rows[0]) == "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,ambiguous,other_x,other_y"
     assert len(rows) == sum(figures["located"] for figures in found.values())
     assert {int(row["receivers"]) for row in rows} == {3, 4} and {row["pings"] for row in rows} == {"1"}
     miss = [((float(row["x"]) - 30.0) / float(row["sd_x"])) ** 2 for row in rows if row["tag"] == "rest-1"]

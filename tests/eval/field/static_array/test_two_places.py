@@ -44,3 +44,21 @@ def test_arrivals_to_spare_leave_one_place() -> None:
     grid = np.array([(x, y) for x in (-100.0, 0.0, 100.0) for y in (-100.0, 100.0)])
     _, other = located(grid, np.random.default_rng(2).uniform(-90, 90, (50, 2)))
     assert np.isnan(other).all()
+
+
+def test_whatever_lies_outside_its_ellipse_of_three_receivers_has_another_place() -> None:
+    """The covariance of a ping of three receivers holds near its place alone; where it fails, a second place must say so."""
+    rng = np.random.default_rng(3)
+    places = rng.uniform(-250, 450, (400, 2))
+    triangle = np.array([(0.0, 0.0), (200.0, 0.0), (100.0, 170.0)])
+    arrival = np.linalg.norm(places[:, None] - triangle, axis=2) / 1500.0
+    pings = Pings(time=np.arange(400.0), arrival=arrival + rng.normal(0, 2e-4, arrival.shape))
+    found = wls_ml(pings, triangle, SETTING)
+    other = other_places(pings, triangle, SETTING, found.position, found.covariance)
+    miss = found.position - places
+    known = np.isfinite(found.covariance).all(axis=(1, 2))
+    distance = np.full(400, np.nan)
+    distance[known] = np.einsum("ki,kij,kj->k", miss[known], np.linalg.inv(found.covariance[known]), miss[known])
+    outside, marked = distance > 13.8, np.isfinite(other).all(axis=1)  # chi-square with 2 degrees of freedom, 99.9 %
+    assert outside.sum() > 20 and marked.sum() < 250
+    assert (outside & ~marked).sum() <= 2  # one in a thousand lies outside by chance
