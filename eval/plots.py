@@ -115,7 +115,7 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
         digits = ".3g" if error < 1000 else ".0f"
         axes.set_title(f"{name}\nmean error {error:{digits}} m", fontsize=10, color=INK)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-        _scale_bar(axes, low, high)
+        scale_bar(axes, low, high)
         if index + columns >= len(tracks):  # no panel below
             axes.set_xlabel("x [m]")
             axes.tick_params(labelbottom=True)
@@ -255,7 +255,7 @@ def error_bars(intervals: Sequence[Interval], scale: float = 1) -> tuple[Floats,
     return value, np.nan_to_num(np.maximum([value - low, high - value], 0))
 
 
-def _scale_bar(axes: Axes, low: Floats, high: Floats) -> None:
+def scale_bar(axes: Axes, low: Floats, high: Floats) -> None:
     """A bar of 1, 2 or 5 times a power of ten metres, up to a third of the panel, in its lower left corner."""
     steps = np.outer(10.0 ** np.arange(-1, 6), (1, 2, 5)).ravel()
     length = steps[steps < (high[0] - low[0]) / 3].max()

@@ -69,7 +69,7 @@ class Locate:
         document = {
             "tags": {each.tag: summarize_tag(each, reference) for each in located},
             "method": self.source.method,
-            "sound_speed_m_s": self.source.sound_speed,
+            "sound_speed_m_s": self.source.sound.usual,
             "average": self.average,
             "average_hours": self.average_hours,
             "min_receivers": self.source.min_receivers,
@@ -161,6 +161,11 @@ def print_summary(document: dict[str, Any], plane: Plane | None = None) -> None:
     note += f", a position each {document['average_hours']:g} h" if document["average_hours"] else ""
     rich.print(as_console_table(header, rows, note + describe_plane(plane)))
     for tag, figures in document["tags"].items():
+        if figures["heard"] and not figures["located"]:
+            print(
+                f"note: nothing of {tag} was located, though {figures['heard']} pings were heard: too few receivers heard one "
+                "ping, or their clocks differ by more than sound takes across the array; see `array sync`"
+            )
         if figures["ambiguous"]:
             share = f"{figures['ambiguous']} of {figures['located']} positions of {tag}"
             print(f"note: {share} have another place that fits as well, other_x,other_y in positions.csv")

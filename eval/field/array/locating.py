@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ import tyro
 from numpy.typing import NDArray
 
 from tagtrack.eval.field.array.reading import by_deployment, fit_names, read_aloud
+from tagtrack.eval.field.array.sound import SoundSpeed, read_sound_speed
 from tagtrack.eval.field.static_array.averaging import average_pings, number_by_count, number_by_time
 from tagtrack.eval.field.static_array.consensus import agree
 from tagtrack.eval.field.static_array.detections import Detections, shorten
@@ -85,8 +87,8 @@ class LocateOptions:
     """Tags to locate."""
     method: Annotated[str, tyro.conf.arg(metavar="NAME")] = "wls_ml"
     """Estimator: wls, ml, wls_ml, map, map_m, pf, yaps."""
-    sound_speed: float = 1500.0
-    """Speed of sound [m/s]."""
+    sound_speed: Annotated[str, tyro.conf.arg(metavar="C")] = "1500"
+    """Speed of sound [m/s], or a csv file of it over time: t_unix_s,sound_speed, or t_unix_s,temperature (salinity, depth)."""
     sigma: Annotated[float | None, tyro.conf.arg(metavar="S", help_behavior_hint="(from the pings)")] = None
     """Standard deviation of an arrival time [s]; by default what the pings with spare arrivals show, else 1 ms."""
     acceleration: float = 1e-3
@@ -100,11 +102,17 @@ class LocateOptions:
         """Raise ValueError for an option out of range."""
         if self.method not in METHODS:
             raise ValueError(f"unknown --method {self.method}; known: {', '.join(METHODS)}")
-        for name in ("sound_speed", "max_sd", "acceleration") + (("sigma",) if self.sigma is not None else ()):
+        _ = self.sound  # a speed, or a file that can be read
+        for name in ("max_sd", "acceleration") + (("sigma",) if self.sigma is not None else ()):
             if not getattr(self, name) > 0:
                 raise ValueError(f"--{name.replace('_', '-')} must be positive, got {getattr(self, name)}")
         if self.min_receivers < 3:
             raise ValueError(f"--min-receivers must be at least 3, which a position takes, got {self.min_receivers}")
+
+    @cached_property
+    def sound(self) -> SoundSpeed:
+        """What ``sound_speed`` says."""
+        return read_sound_speed(self.sound_speed)
 
     def read(self, places: ReceiverPlaces) -> Detections:
         """The detections by the receivers whose places are known.
@@ -129,13 +137,13 @@ class LocateOptions:
 
     def locate_tag(self, detections: Detections, tag: str, receivers: Floats, averaging: Averaging | None) -> Located:
         """Match, clean, average and locate the pings of one tag."""
-        window = array_window(receivers, self.sound_speed)
-        matched = match_pings(detections, window)
+        speed = self.sound.usual
+        matched = match_pings(detections, array_window(receivers, speed))
         heard = len(matched.pings.time)
-        cleaned = remove_impossible(matched, receivers, self.sound_speed)
+        cleaned = remove_impossible(replace(matched, pings=self.sound.level(matched.pings)), receivers, speed)
         pings = cleaned.pings if averaging else _of_at_least(cleaned.pings, self.min_receivers)
         setting = ArraySetting(
-            sound_speed=self.sound_speed, sigma=self.sigma or USUAL_SIGMA, acceleration_sigma=self.acceleration
+            sound_speed=speed, sigma=self.sigma or USUAL_SIGMA, acceleration_sigma=self.acceleration
         )
         if self.sigma is None:
             setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)

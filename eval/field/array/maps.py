@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tagtrack.eval.plots import COLOURS, FAINT, INK, empty_figure
+from tagtrack.eval.plots import COLOURS, FAINT, INK, empty_figure, scale_bar
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,12 +35,13 @@ def plot_map(
 ) -> Figure:
     """Receivers (R, 2) [m] with their names, the positions of tags, and where they really were (T, 2), north up.
 
-    The map shows the receivers and the inner 98 % of all positions, with a margin.
+    The map shows the receivers, all of the tracks and the inner 98 % of other positions, with a margin and a scale bar.
     """
     figure, (axes,) = empty_figure(width=8.0, height=7.0)
     origin = np.round(receivers.mean(axis=0), -2) + 0.0  # -0 is 0
     for cloud, colour in zip(clouds, _colours(len(clouds)), strict=True):
-        style: dict[str, Any] = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": 2.5, "mew": 0}
+        size = float(np.clip(60.0 / max(len(cloud.position), 1) ** 0.5, 2.5, 7.0))  # few points are seen, many do not cover
+        style: dict[str, Any] = {"ls": "-", "lw": 0.8} if cloud.joined else {"ls": "", "marker": ".", "ms": size, "mew": 0}
         label = cloud.name if len(clouds) <= MOST_NAMED else None
         axes.plot(*(cloud.position - origin).T, color=colour, alpha=0.7, label=label, **style)
     if truth is not None and np.isfinite(truth).any():
@@ -50,13 +51,15 @@ def plot_map(
     for name, place in zip(names, receivers - origin, strict=True):
         axes.annotate(name, place, xytext=(6, 5), textcoords="offset points", color=INK, fontsize=9)
     shown = [receivers - origin]
-    every = np.concatenate([cloud.position for cloud in clouds] or [np.empty((0, 2))]) - origin
-    every = every[np.isfinite(every).all(axis=1)]
-    if len(every):
-        shown.append(np.quantile(every, (0.01, 0.99), axis=0))
+    for joined, shares in ((True, (0.0, 1.0)), (False, (0.01, 0.99))):
+        every = np.concatenate([cloud.position for cloud in clouds if cloud.joined == joined] or [np.empty((0, 2))]) - origin
+        every = every[np.isfinite(every).all(axis=1)]
+        if len(every):
+            shown.append(np.quantile(every, shares, axis=0))
     low, high = np.min(np.concatenate(shown), axis=0), np.max(np.concatenate(shown), axis=0)
     margin = 0.08 * max(*(high - low), 10.0)
     axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
+    scale_bar(axes, low - margin, high + margin)
     axes.set(xlabel=f"x - {origin[0]:.0f} m", ylabel=f"y - {origin[1]:.0f} m")
     axes.tick_params(colors=FAINT, labelcolor=INK)
     figure.legend(loc="outside right center", frameon=False, fontsize=8)

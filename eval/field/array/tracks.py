@@ -16,7 +16,8 @@ from tagtrack.eval.field.array.locating import Located, LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.static_array.choosing import choose_places
 from tagtrack.eval.field.static_array.model import Floats
-from tagtrack.eval.field.static_array.smoothing import SmoothTrack, choose_walk, smooth
+from tagtrack.eval.field.static_array.registry import SMOOTHING
+from tagtrack.eval.field.static_array.smoothing import SmoothTrack, choose_walk, interpolate, smooth
 from tagtrack.eval.field.telemetry import read_receivers, write_movebank, write_tracks
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
@@ -25,7 +26,6 @@ from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("tracks.csv", "training.csv", "held_out.csv", "movebank.csv", "tracks.json", "map.png")
-SINGLE_PING_METHODS = ("wls", "ml", "wls_ml")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ class Tracks:
             "tags": {animal.tag: summarize_animal(animal) for animal in animals},
             "odd_even_median_m": _median(np.concatenate([animal.apart for animal in animals])),
             "method": self.source.method,
-            "sound_speed_m_s": self.source.sound_speed,
+            "sound_speed_m_s": self.source.sound.usual,
             "interval_s": self.interval,
             "longest_gap_s": self.longest_gap,
             "detections": [str(path) for path in self.source.detections],
@@ -127,10 +127,6 @@ class Tracks:
     def check(self) -> None:
         """Raise ValueError for an option out of range."""
         self.source.check()
-        if self.source.method not in SINGLE_PING_METHODS:
-            raise ValueError(
-                f"--method {self.source.method} smooths by itself; tracks take one of {', '.join(SINGLE_PING_METHODS)}"
-            )
         for name in ("interval", "longest_gap"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"--{name.replace('_', '-')} must be positive, got {getattr(self, name)}")
@@ -156,15 +152,16 @@ class Tracks:
         if not stretches:
             return Animal(tag=located.tag, pings=int(known.sum()), undecided=undecided, stretches=(), apart=np.empty(0))
         walk = choose_walk(time, position, covariance)
+        track = interpolate if self.source.method in SMOOTHING else smooth
         smoothed, apart = [], []
         for each in stretches:
             rows = np.arange(each.start, each.stop)
             at = self.row_times(time[rows])
             if at.size < 2:
                 continue
-            smoothed.append(smooth(time[rows], position[rows], covariance[rows], walk, at=at))
+            smoothed.append(track(time[rows], position[rows], covariance[rows], walk, at=at))
             if self.odd_even:
-                halves = [smooth(time[half], position[half], covariance[half], walk, at=at) for half in (rows[::2], rows[1::2])]
+                halves = [track(time[half], position[half], covariance[half], walk, at=at) for half in (rows[::2], rows[1::2])]
                 apart.append(np.linalg.norm(halves[0].position - halves[1].position, axis=1))
         return Animal(
             tag=located.tag,

@@ -39,6 +39,7 @@ METHODS: Mapping[str, Estimator] = MappingProxyType(
 )
 
 
+SMOOTHING = ("map", "map_m", "pf", "yaps")  # that look at the whole track
 TRACKERS = {"map": maximum_a_posteriori, "map_m": map_marginal}  # that may weigh by agreement with the track, too
 
 

@@ -131,6 +131,23 @@ def smooth(time: Floats, position: Floats, covariance: Floats, walk: Walk, at: A
     )
 
 
+def interpolate(time: Floats, position: Floats, covariance: Floats, walk: Walk, at: ArrayLike | None = None) -> SmoothTrack:
+    """As ``smooth``, of positions that an estimator has smoothed over the whole track already: on straight lines between them."""
+    wanted = time if at is None else np.asarray(at, dtype=np.float64)
+
+    def between(values: Floats) -> Floats:
+        flat = values.reshape(len(values), -1)
+        return np.stack([np.interp(wanted, time, column) for column in flat.T], axis=1).reshape(wanted.size, *values.shape[1:])
+
+    return SmoothTrack(
+        time=wanted,
+        position=between(position),
+        covariance=between(covariance),
+        refused=np.zeros(time.size, dtype=bool),
+        walk=walk,
+    )
+
+
 def _begin(position: Floats, covariance: Floats, speed: Floats) -> tuple[Floats, Floats]:
     """State (G, 4) and covariance (G, 4, 4) before the first ping: the median of the first ones, and how they scatter."""
     first = position[:FIRST]

@@ -103,7 +103,7 @@ def test_tracks_are_those_of_metres_and_come_as_a_file_for_movebank_too(places: 
     assert status == 0, printed
     assert {path.name for path in Path("out").iterdir()} == {*files, "movebank.csv"}
     for name, table in expected.items():
-        assert Path(f"out/{name}.csv").read_text().startswith("tag,t_unix_s,x,y\n")
+        assert Path(f"out/{name}.csv").read_text().startswith("tag,t_unix_s,x,y")
         np.testing.assert_allclose(columns(f"out/{name}.csv", "t_unix_s", "x", "y"), table, atol=NEAR)
     origin = json.loads(Path("out/tracks.json").read_text())["origin"]
     place = columns("out/movebank.csv", "location-long", "location-lat")

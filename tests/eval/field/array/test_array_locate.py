@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 
 from tagtrack.eval.cli import main
+from tagtrack.eval.field.array.sound import read_sound_speed
 
 RECEIVERS = {"N": (0.0, 100.0), "S": (0.0, -100.0), "E": (100.0, 0.0), "W": (-100.0, 0.0)}
 SOUND = 1500.0
 BEGIN = 1.6e9
+
+Run = Callable[..., tuple[int, str]]
 
 
 def arrivals(place: np.ndarray, time: np.ndarray, sigma: float, generator: np.random.Generator) -> np.ndarray:
@@ -125,11 +128,11 @@ def test_tracks_leave_gaps_open_and_split_animals(campaign: Path, array: Callabl
         ("locate", ["--tags", "shark"], "no detection of tag 'shark'; there are animal-0, animal-1"),
         ("locate", ["--method", "magic"], "unknown --method magic; known: wls"),
         ("locate", ["--min-receivers", "2"], "--min-receivers must be at least 3"),
-        ("locate", ["--sound-speed", "nan"], "--sound-speed must be positive, got nan"),
+        ("locate", ["--sound-speed", "nan"], "--sound-speed must be from 1300 to 1700 m/s, or a file, got nan"),
         ("locate", ["--average", "0"], "--average must be at least 1, got 0"),
         ("locate", ["--average", "5", "--average-hours", "2"], "--average-hours must be positive and stand without --average"),
         ("locate", ["--reference", "nowhere.csv"], "nowhere.csv"),
-        ("tracks", ["--method", "map"], "--method map smooths by itself; tracks take one of wls, ml, wls_ml"),
+        ("locate", ["--sound-speed", "none.csv"], "no sound speed file none.csv; give a csv with columns t_unix_s,sound_speed"),
         ("tracks", ["--least-pings", "1000"], "no tag has a stretch of 1000 located pings; lower --least-pings"),
         ("tracks", ["--held-out", "1"], "--held-out must be a share between 0 and 1"),
     ],
@@ -148,3 +151,67 @@ def test_receivers_of_another_array_are_refused(campaign: Path, array: Callable[
     assert status == 2 and "no receiver of" in printed and "(A, B, C) is in the detections (E, N, S, W)" in printed
     (campaign / "receivers.csv").write_text("receiver,x,y\nN,0,0\nE,1,0\nC,0,1\n")
     assert "a position takes three receivers" in array("locate")[1]
+
+
+def test_a_series_of_sound_speeds_brings_each_ping_to_its_own(tmp_path: Path) -> None:
+    """Three receivers about a tag that rests; in the second hour sound is 2 % faster, and 100 m would be 2 m short."""
+    places = np.array([(0.0, 0.0), (200.0, 0.0), (100.0, 170.0)])
+    tag, rows = np.array([70.0, 40.0]), []
+    for k in range(120):
+        speed = 1480.0 if k < 60 else 1510.0
+        rows += [f"{BEGIN + 60 * k + np.linalg.norm(tag - places[r]) / speed:.6f},R{r},fish\n" for r in range(3)]
+    (tmp_path / "d.csv").write_text("t_unix_s,receiver,tag\n" + "".join(rows))
+    (tmp_path / "r.csv").write_text("receiver,x,y\n" + "".join(f"R{r},{x},{y}\n" for r, (x, y) in enumerate(places)))
+    (tmp_path / "c.csv").write_text(
+        "t_unix_s,sound_speed\n" + "".join(f"{BEGIN + t},{c}\n" for t, c in ((0, 1480), (3570, 1480), (3580, 1510), (7200, 1510)))
+    )
+    command = ["array", "locate", "--detections", str(tmp_path / "d.csv"), "--receivers", str(tmp_path / "r.csv")]
+    errors = {}
+    for speed in (str(tmp_path / "c.csv"), "1495"):
+        assert main([*command, "--sound-speed", speed, "--out", str(tmp_path / "out")]) == 0
+        with (tmp_path / "out/positions.csv").open() as file:
+            found = np.array([[float(row["x"]), float(row["y"])] for row in csv.DictReader(file)])
+        errors[speed[-4:]] = np.linalg.norm(found - tag, axis=1)
+    assert errors[".csv"].max() < 0.01 < 0.2 < errors["1495"].max()
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ("t_unix_s,sound_speed\n1,1500\n1,1501\n", "times must rise"),
+        ("t_unix_s,sound_speed\n1,150\n", "a speed of sound must be from 1300 to 1700 m/s, got 150"),
+        ("t_unix_s,temperature\n1,80\n", "temperature"),
+        ("t_unix_s,speed\n1,1500\n", "must name the columns t_unix_s,temperature"),
+        ("t_unix_s,sound_speed\n", "holds no speed of sound"),
+    ],
+)
+def test_a_broken_series_of_sound_speeds_is_named(tmp_path: Path, content: str, complaint: str) -> None:
+    (tmp_path / "c.csv").write_text(content)
+    with pytest.raises(ValueError, match=complaint):
+        read_sound_speed(str(tmp_path / "c.csv"))
+
+
+def test_temperature_and_salinity_are_a_speed_of_sound(tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_text("t_unix_s,temperature,salinity,depth\n0,25,35,1000\n10,25,35,1000\n")
+    assert read_sound_speed(str(tmp_path / "c.csv")).usual == pytest.approx(1550.744, abs=1e-3)  # Mackenzie's check value
+
+
+def test_tracks_of_yaps_are_its_own(array: Run, campaign: Path) -> None:
+    status, printed = array("tracks", "--method", "yaps", "--tags", "animal-0", "--interval", "300")
+    assert status == 0, printed
+    with (campaign / "out/tracks.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    time = np.array([float(row["t_unix_s"]) for row in rows])
+    found = np.array([[float(row["x"]), float(row["y"])] for row in rows])
+    true = 20.0 * np.stack([np.cos(time / 5000), np.sin(time / 5000)], axis=1)
+    first = time < BEGIN + 14_000  # before the silence
+    assert np.median(np.linalg.norm(found - true, axis=1)[first]) < 1.0
+
+
+def test_clocks_that_were_never_synchronized_are_suspected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [f"{BEGIN + 60 * k + 17.3456 * r},R{r},fish\n" for k in range(40) for r in range(3)]
+    (tmp_path / "d.csv").write_text("t_unix_s,receiver,tag\n" + "".join(rows))
+    (tmp_path / "r.csv").write_text("receiver,x,y\nR0,0,0\nR1,200,0\nR2,0,200\n")
+    command = ["array", "locate", "--detections", str(tmp_path / "d.csv"), "--receivers", str(tmp_path / "r.csv")]
+    main([*command, "--out", str(tmp_path / "out")])
+    assert "nothing of fish was located" in " ".join(capsys.readouterr().out.split())
