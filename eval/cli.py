@@ -8,6 +8,7 @@ from typing import Annotated
 
 import tyro
 
+from tagtrack.eval.aggregate import Aggregate
 from tagtrack.eval.benchmark import Benchmark
 from tagtrack.eval.check_consistency import Consistency
 from tagtrack.eval.field.array.command import Array
@@ -21,6 +22,7 @@ from tagtrack.eval.tune import Tune
 
 Command = (
     Annotated[Benchmark, tyro.conf.subcommand("benchmark")]
+    | Annotated[Aggregate, tyro.conf.subcommand("aggregate")]
     | Annotated[Tune, tyro.conf.subcommand("tune")]
     | Annotated[Tradeoff, tyro.conf.subcommand("tradeoff")]
     | Annotated[Headroom, tyro.conf.subcommand("headroom")]

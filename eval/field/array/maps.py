@@ -38,6 +38,7 @@ def plot_map(
     The map shows the receivers, all of the tracks and the inner 98 % of other positions, with a margin and a scale bar.
     """
     figure, (axes,) = empty_figure(width=8.0, height=7.0)
+    figure.set_layout_engine("compressed")  # equal scales leave room that "constrained" takes from the labels
     origin = np.round(receivers.mean(axis=0), -2) + 0.0  # -0 is 0
     for cloud, colour in zip(clouds, _colours(len(clouds)), strict=True):
         size = float(np.clip(60.0 / max(len(cloud.position), 1) ** 0.5, 2.5, 7.0))  # few points are seen, many do not cover
