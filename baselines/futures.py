@@ -55,7 +55,17 @@ class Futures:
         """End the threads."""
         self.simulation.close()
 
-    def play(self, policy: Policy, memory: Any, world: int, vehicle: int, *, held: int, steps: int) -> np.ndarray:
+    def play(
+        self,
+        policy: Policy,
+        memory: Any,
+        world: int,
+        vehicle: int,
+        *,
+        held: int,
+        steps: int,
+        key: tuple[int, ...] | None = None,
+    ) -> np.ndarray:
         """Error (K, M) [m], summed over the steps and averaged over beliefs, after each first move.
 
         Args:
@@ -63,7 +73,10 @@ class Futures:
             memory: its state in the source, of all worlds.
             world: of the source. vehicle: who is made to move.
             held: steps for which a move is held. steps: how far the futures go.
+            key: of the draws, so that the same state has the same futures; without it each call has others.
         """
+        if key is not None:
+            self._generator = np.random.default_rng(key)
         simulation, fleet = self.simulation, self.scenario.vehicles
         self._imagine(world, vehicle)
         rows = np.tile(world * fleet + np.arange(fleet), simulation.num_worlds)

@@ -20,11 +20,10 @@ LARGEST = 4096
 
 
 class Move(NamedTuple):
-    """What each row does, each (B,), and what the circle remembers."""
+    """What each row does, each (B,)."""
 
     angle: np.ndarray  # off the line to the estimate [rad]; NaN: as the circle would
     age: np.ndarray  # steps since it was chosen
-    circle: Any
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,24 +63,23 @@ class Rollout(InformedHeuristic):
         episode_start: np.ndarray | None = None,
         deterministic: bool = False,
     ) -> tuple[np.ndarray, Any]:
-        """As ``Policy.predict`` says; row b is world b of the simulation."""
-        rows = np.asarray(observation)
-        starts = np.zeros(len(rows), bool) if state is not None else np.ones(len(rows), bool)
-        if episode_start is not None:
-            starts = starts | np.broadcast_to(np.asarray(episode_start, bool), len(rows))
-        memory = None if state is None else state.circle
-        action, circle = self._circle.predict(rows, memory, starts, deterministic)
+        """As ``Policy.predict`` says; row b is world b of the simulation, from whose state the futures begin."""
+        rows = np.atleast_2d(np.asarray(observation))
+        action, _ = self._circle.predict(rows)
         held, horizon = steps_of(self.scenario, HELD), steps_of(self.scenario, HORIZON)
         angle = np.full(len(rows), np.nan) if state is None else state.angle.copy()
-        age = np.full(len(rows), held) if state is None else np.where(starts, held, state.age)
+        age = np.full(len(rows), held) if state is None else state.age.copy()
+        if episode_start is not None:
+            age[np.broadcast_to(np.asarray(episode_start, bool), len(rows))] = held
+        clock = self.simulation.worlds.clock
         for world in np.flatnonzero(age >= held).tolist():
-            left = self.scenario.episode_steps - int(self.simulation.worlds.clock["step"][world])
-            before = circle if starts[world] else memory
-            cost = self._futures.play(self._imagined, before, world, 0, held=held, steps=max(1, min(horizon, left)))
+            step = int(clock["step"][world])
+            left = max(1, min(horizon, self.scenario.episode_steps - step))
+            key = (int(clock["seed"][world]), int(clock["episode"][world]), step)
+            cost = self._futures.play(self._imagined, None, world, 0, held=held, steps=left, key=key)
             move = better_move(cost)
             angle[world] = np.nan if move == 0 else self._futures.angles[move - 1]
             age[world] = 0
-        own = np.isnan(angle)
-        none = np.full(len(rows), -1)
-        asked = self._aim.steer(rows, np.array(action), np.nan_to_num(angle), none)
-        return np.where(own[:, None], action, asked).astype(np.float32), Move(angle=angle, age=age + 1, circle=circle)
+        asked = self._aim.steer(rows, np.array(action), np.nan_to_num(angle), np.full(len(rows), -1))
+        chosen = np.where(np.isnan(angle)[:, None], action, asked).astype(np.float32)
+        return chosen if np.ndim(observation) > 1 else chosen[0], Move(angle=angle, age=age + 1)

@@ -20,7 +20,7 @@ from tagtrack.eval.comparison import Comparison, compare, typical_episodes
 from tagtrack.eval.contestants import make_groups, name_groups
 from tagtrack.eval.metrics import error_quantiles
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
-from tagtrack.eval.plots import SHARES, Track, plot_errors, plot_learning_curve, plot_track, save_figure
+from tagtrack.eval.plots import SHARES, EpisodePaths, plot_errors, plot_learning_curve, plot_track, save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import console_table, write_benchmark, write_json
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
@@ -215,6 +215,6 @@ def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, Conte
         tracks = {}
         for policy, maker in each_run(makers, all_runs=False).items():
             traced = trace(comparison.task, maker, episodes=1, seed=first + episode)
-            tracks[policy] = Track(fish=traced.fish[0], vehicle=traced.vehicle[0], belief=traced.estimate[0])
+            tracks[policy] = EpisodePaths(fish=traced.fish[0], vehicle=traced.vehicle[0], belief=traced.estimate[0])
         title = f"{comparison.env}, {name} episode (seed {comparison.seed + episode})"
         save_figure(folder / f"track_{name}.png", plot_track(tracks, title=title))

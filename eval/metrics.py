@@ -78,8 +78,12 @@ def summarize_runs(
     measured = [_episode_values(run, perimeter, lost_error, metrics) for run in runs]
     for name in measured[0]:
         values = np.array([run[name] for run in measured])
-        figure = bootstrap.interval(bootstrap.mean_estimate(values.mean(axis=0)).over_runs(values.mean(axis=1), fish))
-        figures[name] = _within_shares(figure) if name in SHARES and values.any() else figure
+        if name in SHARES and not values.any():
+            figures[name] = bootstrap.share(values.mean(axis=0))
+            continue
+        estimate = (bootstrap.share_estimate if name in SHARES else bootstrap.mean_estimate)(values.mean(axis=0))
+        figure = bootstrap.interval(estimate.over_runs(values.mean(axis=1), fish))
+        figures[name] = _within_shares(figure) if name in SHARES else figure
     return figures
 
 
@@ -201,7 +205,7 @@ def compare_runs(first: Runs, other: Runs, bootstrap: Bootstrap) -> dict[str, In
         replicates = pooled_quantile_replicates(ratios[:, None], bootstrap.counts(ratios.size), (0.5,))[0]
         median = bootstrap.estimate(np.median(ratios), replicates, episodes=ratios.size)
     shares = np.array([wins(above, run) for run in each])
-    better = bootstrap.mean_estimate(shares.mean(axis=0))
+    better = bootstrap.share_estimate(shares.mean(axis=0))
     if len(each) > 1:
         fish = bootstrap.independent(ratios.size)
         better = better.over_runs(shares.mean(axis=1), fish)

@@ -31,7 +31,7 @@ SMALLEST_ERROR = 0.001  # [m]; a logarithmic axis has no zero, smaller errors ar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Track:
+class EpisodePaths:
     """One episode of one policy, every array (K, 2) [m]; NaN where unknown. Of a fleet there are further axes after K."""
 
     fish: NDArray[np.floating]  # (K, T, 2) of T tags
@@ -93,7 +93,7 @@ def plot_errors(
     return figure
 
 
-def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
+def plot_track(tracks: Mapping[str, EpisodePaths], *, title: str = "") -> Figure:
     """Paths of fish, vehicle and estimate in one episode, a panel for each policy, all to the same scale.
 
     The panels show all of fish and vehicle; an estimate that strays farther (mirrored, or not yet formed) is cut.
@@ -133,7 +133,7 @@ def plot_track(tracks: Mapping[str, Track], *, title: str = "") -> Figure:
     return figure
 
 
-def _draw_paths(axes: Axes, track: Track) -> None:
+def _draw_paths(axes: Axes, track: EpisodePaths) -> None:
     """Lines of all fish, vehicles and estimates, and where the first two begin and end."""
     looks = ((track.fish, FISH, 3.0, "fish"), (track.vehicle, VEHICLE, 1.2, "vehicle"), (track.belief, INK, 0.9, "estimate"))
     for paths, colour, width, name in looks:

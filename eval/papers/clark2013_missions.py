@@ -34,7 +34,7 @@ from tagtrack.eval.papers.printed import (
     CLARK2013_TABLE_V,
     CLARK2013_TABLE_V_SHARKS,
 )
-from tagtrack.eval.plots import COLOURS, Track, empty_figure, plot_track
+from tagtrack.eval.plots import COLOURS, EpisodePaths, empty_figure, plot_track
 from tagtrack.eval.statistics.estimate import Floats
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ def draw_typical(missions: Sequence[Recording], figure: str) -> dict[str, Figure
     """Path and course of the mission with the median error (Figs. 7 and 8)."""
     errors = [mission.error.mean() for mission in missions]
     mission = missions[int(np.argsort(errors)[(len(errors) - 1) // 2])]
-    track = Track(fish=mission.fish, vehicle=mission.vehicle, belief=mean_of(mission.belief))
+    track = EpisodePaths(fish=mission.fish, vehicle=mission.vehicle, belief=mean_of(mission.belief))
     name = TYPICAL_REST if figure.endswith("7") else "auv2Track"
     path = plot_track({name: track}, title=f"twin of {name}, the mission with the median error")
     return {f"{figure}a": path, f"{figure}b": plot_course(mission)}

@@ -93,11 +93,17 @@ class Bootstrap:
         With 0 of E the interval ends at 1 - 0.025^(1 / E) (Clopper and Pearson 1934), 0.7 % for 512.
         """
         values = np.asarray(values, dtype=np.float64)
-        figure, number = self.mean(values), self.independent(values.size)
+        figure, number = self.interval(self.share_estimate(values)), self.independent(values.size)
         if math.isnan(figure.low) or 0 < figure.value < 1:
             return figure
         unseen = 1 - ((1 - self.level) / 2) ** (1 / number)
         return Interval(value=figure.value, low=max(figure.value - unseen, 0.0), high=min(figure.value + unseen, 1.0))
+
+    def share_estimate(self, values: ArrayLike) -> Estimate:
+        """As ``mean_estimate`` of shares, by plain percentiles: where few episodes have any, a draw's own spread says nothing."""
+        values = np.asarray(values, dtype=np.float64)
+        counts = self.counts(values.size)
+        return self.estimate(values.mean(), (counts @ values) / counts.sum(axis=1), episodes=values.size)
 
     def ratio_estimate(self, above: Floats, below: Floats) -> Estimate | None:
         """Mean of ``above`` over that of ``below``, each (E,), drawn in pairs; None where that of ``below`` is 0."""

@@ -42,7 +42,7 @@ def mean_error(env_id: str, specification: str, episodes: int, **fleet: Any) -> 
     return roll_out(task, lambda s: make_baseline(specification, s), episodes=episodes, seed=seed).error.mean(axis=1)
 
 
-@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize("name", [name for name in BASELINES if getattr(BASELINES[name], "fleets", True)])
 @pytest.mark.parametrize("modem", ["perfect", "none", "tdma"])
 @pytest.mark.parametrize("steer_by", ["auto", "line", "chosen"])
 def test_every_baseline_steers_a_fleet_with_any_modem(make_simulation: Make, name: str, modem: str, steer_by: str) -> None:

@@ -88,7 +88,7 @@ def test_figures_of_fleets_by_hand():
     record.encroachments[...] = 0.0
     record.encroachments[0, :2] = 2.0
     record.messages[...] = 1.0
-    figures = {name: figure.value for name, figure in summarize_fleet(record, lost_error=100.0).items()}
+    figures = {name: figure.value for name, figure in summarize_fleet([record], lost_error=100.0).items()}
     assert figures["worst_tag_error_m"] == pytest.approx((3 + 5 + 200) / 3)
     assert figures["tag_lost_fraction"] == pytest.approx(1 / 6)
     assert figures["tag_1_lost_fraction"] == pytest.approx(1 / 3)

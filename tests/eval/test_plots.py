@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tagtrack.eval.plots import (
-    Track,
+    EpisodePaths,
     TradeoffCurve,
     plot_calibration,
     plot_errors,
@@ -23,7 +23,7 @@ from tagtrack.eval.statistics.estimate import Interval
 def some_track(steps=50):
     time = np.arange(steps)
     fish = np.stack([0.5 * time, 0.2 * time], axis=1)
-    return Track(fish=fish, vehicle=fish + 20.0, belief=fish + [3.0, 4.0])
+    return EpisodePaths(fish=fish, vehicle=fish + 20.0, belief=fish + [3.0, 4.0])
 
 
 def figures():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tagtrack.baselines.registry import make_baseline
-from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import build_task
 from tagtrack.eval import compare
 from tagtrack.eval.field.static_array.bound import cramer_rao_bound, root_trace
@@ -15,11 +14,12 @@ from tagtrack.eval.field.static_array.model import ArraySetting, Positions
 from tagtrack.eval.rollout import roll_out, trace, watch_fish
 from tagtrack.eval.static_array import StaticArray, hold, read_static_array
 from tests.eval.conftest import SHORT
+from tests.tasks import LONE
 
 RESTING = {"fish": "brownian", "fish.max_speed": 1e-6, "start.nearest": 0, "start.farthest": 0}
 
 
-@pytest.mark.parametrize("env", SCENARIOS)
+@pytest.mark.parametrize("env", LONE)
 def test_the_array_meets_the_fish_that_policies_meet(env):
     """Fish and pings depend on the episode alone: neither on what a vehicle does nor on the particles of its belief."""
     task = build_task(env, particles=30, overrides={"episode_steps": 25})

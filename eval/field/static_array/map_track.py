@@ -65,7 +65,7 @@ def maximum_a_posteriori(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Track:
+class TrackPosterior:
     """The cost of K states (K, 2n) (Eq. 11): a Gaussian prior on the first, motion between them, and the pings."""
 
     likelihood: Likelihood
@@ -131,12 +131,12 @@ class Track:
         return state[1:] - np.einsum("kab,kb->ka", self.transition, state[:-1])
 
 
-def make_track(likelihood: Likelihood, interval: Floats, setting: ArraySetting, first: Floats) -> Track:
+def make_track(likelihood: Likelihood, interval: Floats, setting: ArraySetting, first: Floats) -> TrackPosterior:
     """The cost of a track of K pings, ``interval`` (K - 1,) [s] apart, whose first position is about ``first`` (n,) [m]."""
     count = likelihood.dimensions
     transition, precision = white_acceleration(interval, setting.acceleration_sigma, count)
     spread = np.repeat([FIRST_SPANS * likelihood.span, setting.first_speed_sigma], count)
-    return Track(
+    return TrackPosterior(
         likelihood=likelihood,
         transition=transition,
         precision=precision,
@@ -158,7 +158,9 @@ def white_acceleration(interval: Floats, sigma: float, dimensions: int) -> tuple
     return transition, precision
 
 
-def descend_robustly(track: Track, state: Floats, most_reweightings: int = REWEIGHTINGS) -> tuple[Track, Floats]:
+def descend_robustly(
+    track: TrackPosterior, state: Floats, most_reweightings: int = REWEIGHTINGS
+) -> tuple[TrackPosterior, Floats]:
     """The track under Student's t from one under Gaussian errors, and the cost that it minimizes at last."""
     count, nominal = track.likelihood.dimensions, track.likelihood
     variance = np.zeros_like(nominal.arrival)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from tagtrack.eval.field.static_array.block_tridiagonal import diagonal_of_inverse
 from tagtrack.eval.field.static_array.likelihood import Likelihood, make_likelihood
-from tagtrack.eval.field.static_array.map_track import Track, descend_robustly, make_track
+from tagtrack.eval.field.static_array.map_track import TrackPosterior, descend_robustly, make_track
 from tagtrack.eval.field.static_array.maximum_likelihood import wls_ml
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions
 
@@ -77,7 +77,7 @@ def _inverse(matrix: Floats) -> Floats:
     return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
-def _window(whole: Track, oldest: int, newest: int, prior: _Gaussian) -> Track:
+def _window(whole: TrackPosterior, oldest: int, newest: int, prior: _Gaussian) -> TrackPosterior:
     """The track from one ping to another, with what the older ones tell as the prior of its first state."""
     return replace(
         whole,
@@ -101,14 +101,14 @@ def _start(ahead: _Gaussian, fix: Floats, ping: Likelihood) -> Floats:
     return mean + jump if better else mean
 
 
-def _predict(whole: Track, index: int, mean: Floats, covariance: Floats) -> _Gaussian:
+def _predict(whole: TrackPosterior, index: int, mean: Floats, covariance: Floats) -> _Gaussian:
     """The state at the ping after ``index``, from a mean (2n,) and a covariance (2n, 2n) at that."""
     transition = whole.transition[index]
     noise = _inverse(whole.precision[index])
     return _Gaussian(transition @ mean, transition @ covariance @ transition.T + noise)
 
 
-def _marginalize(part: Track, whole: Track, oldest: int, state: Floats) -> _Gaussian:
+def _marginalize(part: TrackPosterior, whole: TrackPosterior, oldest: int, state: Floats) -> _Gaussian:
     """The oldest state (2n,) with its ping as a Gaussian on the next."""
     count = part.likelihood.dimensions
     ping = part.likelihood.take(slice(0, 1)).derivatives(state[None, :count])

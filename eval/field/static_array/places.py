@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import orthogonal_procrustes
 from scipy.optimize import least_squares
 from scipy.sparse.csgraph import connected_components, shortest_path
 
@@ -126,10 +127,10 @@ def place_on(position: ArrayLike, reference: ArrayLike) -> Placing:
     own, target = np.asarray(position, dtype=np.float64), np.asarray(reference, dtype=np.float64)
     if len(own) < 2:
         raise ValueError(f"placing takes two reference points at least, got {len(own)}")
-    left, _, right = np.linalg.svd((own - own.mean(axis=0)).T @ (target - target.mean(axis=0)))
-    rotation = (left @ right).T
-    if len(own) == 2 and np.linalg.det(rotation) < 0:
-        rotation = (left @ np.diag([1.0, -1.0]) @ right).T
+    rotation = orthogonal_procrustes(own - own.mean(axis=0), target - target.mean(axis=0))[0].T
+    if len(own) == 2 and np.linalg.det(rotation) < 0:  # the points lie on a line: mirrored in it they fit as well
+        along = (target[1] - target[0]) / np.linalg.norm(target[1] - target[0])
+        rotation = (2.0 * np.outer(along, along) - np.eye(2)) @ rotation
     translation = target.mean(axis=0) - rotation @ own.mean(axis=0)
     return Placing(rotation=rotation, translation=translation, residual=target - (own @ rotation.T + translation))
 

@@ -10,7 +10,7 @@ from tagtrack.eval.field.telemetry.places import (
     read_reference,
     read_sync_tags,
 )
-from tagtrack.eval.field.telemetry.tracks import Tracks, read_tracks, write_movebank, write_tracks
+from tagtrack.eval.field.telemetry.tracks import TrackFile, read_tracks, write_movebank, write_tracks
 from tagtrack.live.plane import Plane
 
 __all__ = [
@@ -19,7 +19,7 @@ __all__ = [
     "ReceiverPlaces",
     "Reference",
     "SyncTag",
-    "Tracks",
+    "TrackFile",
     "read_detections",
     "read_own_tags",
     "read_receivers",

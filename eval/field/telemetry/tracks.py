@@ -27,14 +27,14 @@ _SENSOR = "acoustic telemetry"  # Movebank Attribute Dictionary, sensor type (MV
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tracks:
+class TrackFile:
     """Tracks by tag, and the plane they lie in: None where a file gave x and y without saying of what."""
 
     of: dict[str, Track]
     plane: Plane | None = None
 
 
-def read_tracks(path: str | Path, plane: Plane | None = None) -> Tracks:
+def read_tracks(path: str | Path, plane: Plane | None = None) -> TrackFile:
     """Tracks of one or many animals, tags in order of first appearance.
 
     Args:
@@ -63,7 +63,7 @@ def read_tracks(path: str | Path, plane: Plane | None = None) -> Tracks:
     else:
         plane = None
     name = path.name.split(".")[0] or path.name
-    return Tracks(of={track.tag or name: track for track in tracks}, plane=plane)
+    return TrackFile(of={track.tag or name: track for track in tracks}, plane=plane)
 
 
 def write_tracks(
