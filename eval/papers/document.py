@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from tagtrack.eval.papers.frame import Experiment, Findings, Size
+from tagtrack.eval.papers.registry import WITHOUT_TWIN
 from tagtrack.eval.report import Document, as_console_table, as_markdown, interval_cell, value_cell
 
 if TYPE_CHECKING:
@@ -45,6 +46,9 @@ def as_markdown_page(document: Document) -> str:
     lines = ["# The papers' tables, repeated in simulation", "", INTRODUCTION, ""]
     for title, header, cells, note in _tables(document):
         lines += [f"## {title}", "", as_markdown(header, cells, note)]
+    for paper in dict.fromkeys(row["paper"] for row in document["rows"]):
+        if left := WITHOUT_TWIN.get(paper):
+            lines += [f"## {paper}, without a table here", "", *(f"- {line}" for line in left), ""]
     time = ", ".join(f"{table} {taken:.0f} s" for table, taken in document["seconds"].items())
     size = ", ".join(f"{name} {number}" for name, number in document["size"].items())
     return "\n".join([*lines, f"Seed {document['seed']}; {size}. Time taken: {time}.", ""])

@@ -7,9 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tagtrack.eval.papers import clark2013_filters, lin2013_ranging, masmitja2020_field, masmitja2020_turn
+from tagtrack.eval.papers import (
+    clark2013_filters,
+    lin2013_ranging,
+    masmitja2020_field,
+    masmitja2020_float,
+    masmitja2020_turn,
+)
 from tagtrack.eval.papers.clark2013_missions import VARIANTS, figures_of, mission_rows, signals_a_minute, table_ii_proportions
-from tagtrack.eval.papers.frame import Setting
+from tagtrack.eval.papers.frame import Setting, Size
 from tagtrack.eval.papers.masmitja2020_turn import is_lost, mean_error
 
 
@@ -113,3 +119,21 @@ def test_positions_that_hang_together_are_drawn_in_blocks():
     spread = np.std([walk[drawn].mean(axis=0) for drawn in rows], axis=0)
     naive = walk.std(axis=0) / 20.0
     assert (spread > 2.5 * naive).all()  # sqrt(20) = 4.5 times, less what so short a record lacks
+
+
+def test_float_of_masmitja_dives_three_times_and_is_circled():
+    voyage = masmitja2020_float.sail(3, np.random.default_rng(1))
+    dives = np.flatnonzero(np.diff(voyage.depth) > 0)
+    assert len(dives) == 3 and set(voyage.depth) == {0.0, 60.0}
+    np.testing.assert_allclose(np.linalg.norm(voyage.glider - voyage.afloat, axis=-1), 200.0)
+    np.testing.assert_allclose(voyage.slant_range[:, voyage.depth > 0], math.hypot(200.0, 60.0))
+    speed = np.linalg.norm(np.diff(voyage.afloat, axis=1), axis=-1) / 60.0
+    assert 0.02 < speed[:, voyage.depth[:-1] == 0].mean() < 0.12
+    assert speed[:, voyage.depth[:-1] > 0].mean() < speed[:, voyage.depth[:-1] == 0].mean()
+
+
+def test_ranges_tell_more_of_the_float_than_hearing_it(monkeypatch):
+    monkeypatch.setattr(masmitja2020_float, "HOURS", 3)
+    found = masmitja2020_float.run_float(Setting(size=Size(settings=2, area_particles=500))).rows
+    errors = {row.row: row.ours for row in found if row.column.endswith("surface")}
+    assert errors["USBL"] < 5.0 < 2 * errors["ROTT"] < errors["AOTT"]
