@@ -52,7 +52,7 @@ WITHOUT_TWIN: Mapping[str, tuple[str, ...]] = MappingProxyType(
             "Figs. 7 and 9, paths of one mission: no numbers but the 47.6 m of one snapshot; Alg. 2 has a table of its own.",
         ),
         "masmitja2020": (
-            "Figs. 2A to 2D and S2, errors of the estimators over noise and time: curves without numbers; `array simulate` draws ours.",
+            "Figs. 2A to 2D and S2, errors over noise and time: curves without numbers; `array simulate` draws ours.",
             "Fig. 2E, milliseconds a position: of the authors' computer.",
             "Fig. 4, clocks: `array sync` on the public part of the data.",
             "Fig. 5 and home ranges, the lobsters: `array tracks`; which animal did what rests on data that are not public.",
