@@ -28,6 +28,7 @@ WAYPOINTS = (
     ((-1.1, 0.3), (-0.75, -0.1), (-0.35, -0.3), (0.0, 0.0), (0.3, 0.35), (0.6, 0.55), (0.95, 0.3), (0.9, -0.3))
     + ((0.45, -0.4), (0.1, -0.25), (-0.25, 0.1), (-0.42, 0.45), (-0.1, 0.9), (0.4, 1.0))
 )
+PAPER_POINTS, PAPER_STEP = 19, 60.0  # of the authors' own simulation: so many points, so many metres apart, a ping at each
 OUTLIER_FACTOR = 4.0  # of the time of flight (Fig. S2D)
 RANDOM_SPREAD = 0.2  # of the interval, either way: 60-90 s are 75 s +- 20 %
 
@@ -38,11 +39,13 @@ class Noise:
 
     sigma: float  # [s]
     outliers: float = 0.0  # share of arrivals whose time of flight is four times too long
+    late: float = 0.0  # by which one arrival of a passage comes late, as in the authors' own simulation [s]
 
     @property
     def label(self) -> str:
         """As a table's column says it: ``1.5 ms, 5 % out``."""
-        return f"{1e3 * self.sigma:g} ms" + (f", {100 * self.outliers:g} % out" if self.outliers else "")
+        outliers = f", {100 * self.outliers:g} % out" if self.outliers else ""
+        return f"{1e3 * self.sigma:g} ms{outliers}" + (f", one {self.late:g} s late" if self.late else "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,8 @@ class Scene:
         flight = np.linalg.norm(self.position[:, None] - self.receivers, axis=-1) / self.sound_speed
         flight = flight + noise.sigma * rng.standard_normal(flight.shape)
         flight *= np.where(rng.random(flight.shape) < noise.outliers, OUTLIER_FACTOR, 1.0)
+        if noise.late:
+            flight[rng.integers(count), rng.integers(flight.shape[1])] += noise.late
         arrival = sent[:, None] + flight
         return Pings(time=arrival.min(axis=1), arrival=arrival)
 

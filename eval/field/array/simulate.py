@@ -14,7 +14,7 @@ import tyro
 
 from tagtrack.eval.field.array.monte_carlo import PLACES, repeat, summarize
 from tagtrack.eval.field.array.plots import plot_bound, plot_rmse, plot_rmse_over_time, plot_time
-from tagtrack.eval.field.array.scene import Noise, Scene, place_receivers, swim
+from tagtrack.eval.field.array.scene import PAPER_POINTS, PAPER_STEP, Noise, Scene, place_receivers, swim
 from tagtrack.eval.field.static_array.maximum_likelihood import maximum_likelihood
 from tagtrack.eval.field.static_array.model import ArraySetting
 from tagtrack.eval.field.static_array.registry import METHODS, Estimator
@@ -46,6 +46,10 @@ class Simulate:
     """Deviations of an arrival time [s]."""
     outliers: float = 0.05
     """Share of arrivals whose way takes four times too long, in one more comparison at the last sigma; 0: none."""
+    late: float = 0.0
+    """Instead: one arrival of each passage comes so late [s]; 0.1 in the authors' own simulation."""
+    paper_path: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """As the authors' own simulation: 19 points of the trajectory, 60 m apart, with a ping at each, once a minute."""
     speed: float = 0.2
     """Of the target [m/s]."""
     delay: float = 120.0
@@ -74,6 +78,10 @@ class Simulate:
             raise ValueError("--sigma needs at least one value")
         if not 0 <= self.outliers < 1:
             raise ValueError(f"--outliers must be a share in [0, 1), got {self.outliers}")
+        if not 0 <= self.late <= 10:
+            raise ValueError(f"--late must be from 0 to 10 s, got {self.late}")
+        if self.paper_path and (self.speed, self.delay) != (0.2, 120.0):
+            raise ValueError("--paper-path has a speed and a delay of its own, 1 m/s and 60 s; drop --speed and --delay")
         for name in ("speed", "delay", "baseline"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"--{name} must be positive, got {getattr(self, name)}")
@@ -109,10 +117,14 @@ class Simulate:
 
     def make_scene(self) -> Scene:
         """The square array and the trajectory."""
+        step = PAPER_STEP if self.paper_path else self.speed * self.delay
+        position = swim(self.baseline, step)
+        if self.paper_path and len(position) < PAPER_POINTS:
+            raise ValueError(f"the trajectory holds {len(position)} points {PAPER_STEP:g} m apart, not 19; larger --baseline")
         return Scene(
             receivers=place_receivers("square", self.baseline),
-            position=swim(self.baseline, self.speed * self.delay),
-            delay=self.delay,
+            position=position[:PAPER_POINTS] if self.paper_path else position,
+            delay=PAPER_STEP if self.paper_path else self.delay,
             random_delay=self.random_delay,
             sound_speed=self.sound_speed,
         )
@@ -120,6 +132,8 @@ class Simulate:
     def list_noises(self) -> list[Noise]:
         """Each sigma, then the last with outliers."""
         noises = [Noise(sigma=sigma) for sigma in self.sigma]
+        if self.late:
+            return [*noises, Noise(sigma=self.sigma[-1], late=self.late)]
         return [*noises, Noise(sigma=self.sigma[-1], outliers=self.outliers)] if self.outliers else noises
 
     def make_setting(self, scene: Scene, noise: Noise) -> ArraySetting:
@@ -134,7 +148,7 @@ class Simulate:
     def describe(self) -> dict[str, Any]:
         """The choices as JSON has them."""
         chosen = dataclasses.asdict(self)
-        return {name: chosen[name] for name in ("runs", "seed", "speed", "delay", "random_delay", "baseline", "sound_speed")}
+        return {name: chosen[name] for name in ("runs", "seed", "speed", "delay", "random_delay", "baseline", "sound_speed", "late", "paper_path")}
 
 
 def table_of(document: Mapping[str, Any], place: str) -> tuple[list[str], list[list[str]]]:

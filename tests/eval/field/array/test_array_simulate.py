@@ -138,3 +138,23 @@ def test_bad_choices_are_refused_in_one_line(
     assert (status, out) == (2, "")
     assert err.startswith("error: ") and err.count("\n") == 1 and complaint in err
     assert not (tmp_path / "out").exists()
+
+
+def test_the_authors_own_path_has_19_points_60_metres_apart_and_one_late_arrival_a_passage() -> None:
+    command = Simulate(paper_path=True, late=0.1)
+    command.check()
+    scene, noises = command.make_scene(), command.list_noises()
+    assert scene.position.shape == (19, 2) and scene.delay == 60.0
+    np.testing.assert_allclose(np.linalg.norm(np.diff(scene.position, axis=0), axis=1), 60.0, atol=1.5)  # chords of bends
+    assert [noise.label for noise in noises][-1] == "1.5 ms, one 0.1 s late"
+    flight = np.linalg.norm(scene.position[:, None] - scene.receivers, axis=-1) / 1500
+    pings = scene.draw_pings(Noise(sigma=1e-9, late=0.1), np.random.default_rng(0))
+    late = pings.arrival - 60.0 * np.arange(19)[:, None] - flight
+    assert (np.abs(late - 0.1) < 1e-6).sum() == 1 and (np.abs(late) < 1e-6).sum() == 75
+
+
+def test_options_of_the_authors_path_do_not_go_with_others() -> None:
+    with pytest.raises(ValueError, match="drop --speed and --delay"):
+        Simulate(paper_path=True, speed=1.0).check()
+    with pytest.raises(ValueError, match="--late must be from 0 to 10 s, got -1"):
+        Simulate(late=-1).check()
