@@ -148,7 +148,8 @@ class Simulate:
     def describe(self) -> dict[str, Any]:
         """The choices as JSON has them."""
         chosen = dataclasses.asdict(self)
-        return {name: chosen[name] for name in ("runs", "seed", "speed", "delay", "random_delay", "baseline", "sound_speed", "late", "paper_path")}
+        told = ("runs", "seed", "speed", "delay", "random_delay", "baseline", "sound_speed", "late", "paper_path")
+        return {name: chosen[name] for name in told}
 
 
 def table_of(document: Mapping[str, Any], place: str) -> tuple[list[str], list[list[str]]]:

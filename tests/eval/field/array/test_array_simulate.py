@@ -145,7 +145,8 @@ def test_the_authors_own_path_has_19_points_60_metres_apart_and_one_late_arrival
     command.check()
     scene, noises = command.make_scene(), command.list_noises()
     assert scene.position.shape == (19, 2) and scene.delay == 60.0
-    np.testing.assert_allclose(np.linalg.norm(np.diff(scene.position, axis=0), axis=1), 60.0, atol=1.5)  # chords of bends
+    ways = np.linalg.norm(np.diff(scene.position, axis=0), axis=1)
+    assert 45.0 < ways.min() and ways.max() < 60.0 + 1e-6  # along the way; chords of bends are shorter
     assert [noise.label for noise in noises][-1] == "1.5 ms, one 0.1 s late"
     flight = np.linalg.norm(scene.position[:, None] - scene.receivers, axis=-1) / 1500
     pings = scene.draw_pings(Noise(sigma=1e-9, late=0.1), np.random.default_rng(0))
