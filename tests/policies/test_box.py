@@ -14,6 +14,7 @@ from tagtrack.eval.comparison import compare
 from tagtrack.live import Tracker
 from tagtrack.policies.box import BOX, boxed_policy
 from tagtrack.policies.files import WEIGHTS_FILE, load_policy
+from tests.tasks import LONE
 
 FLEETS = [{"vehicles": 3}, {"vehicles": 2, "tags": 4}]
 TASKS = [*((env_id, {}) for env_id in SCENARIOS), *(("TagTrack/LeopardShark-v0", fleet) for fleet in FLEETS)]
@@ -23,7 +24,7 @@ TASKS = [*((env_id, {}) for env_id in SCENARIOS), *(("TagTrack/LeopardShark-v0",
 def test_there_is_one_for_each_task_and_it_steers(env_id: str, fleet: dict[str, int]) -> None:
     task = build_task(env_id, particles=100, overrides={"episode_steps": 40}, **fleet)  # type: ignore[typeddict-item]
     folder = boxed_policy(task.env_id, vehicles=task.scenario.vehicles, tags=task.scenario.targets)
-    assert (folder / WEIGHTS_FILE).stat().st_size < 100_000
+    assert (folder / WEIGHTS_FILE).stat().st_size < 130_000
     told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert told["command"].startswith("python -m train") and {"seed", "versions", "table"} <= set(told)
     names = feature_names(task.scenario)
@@ -41,4 +42,4 @@ def test_it_steers_a_tracker() -> None:
 def test_what_is_not_in_the_box_is_said() -> None:
     with pytest.raises(ValueError, match="no policy for RangeOnly-tags comes with the package, only .*LeopardShark"):
         boxed_policy("TagTrack/RangeOnly-v0", tags=3)
-    assert {path.name for path in BOX.iterdir() if path.is_dir()} >= {env_id[9:-3] for env_id in SCENARIOS}
+    assert {path.name for path in BOX.iterdir() if path.is_dir()} >= {env_id[9:-3] for env_id in LONE}
