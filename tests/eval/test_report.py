@@ -65,6 +65,21 @@ def test_terminals_get_fewer_columns():
     assert rows[1][header.index("median [m]")] == "3.50" and rows[1][1] == "3.50 [3.00, 4.00]"
 
 
+def test_names_of_policies_have_room_in_80_columns_beside_the_columns_of_fleets():
+    from rich.console import Console
+
+    made = document(names=("information:34", "circle:radius=34,centroid=1", "c"))
+    made["fleet"] = {"vehicles": 2, "tags": 4, "modem": "perfect"}
+    known = {"value": 12.4, "low": 12.0, "high": 13.0}
+    for figures in made["policies"].values():
+        figures |= dict.fromkeys(
+            ("tag_lost_fraction", "worst_tag_error_m", "encroachments_per_hour", "messages_per_hour", "tag_0_error_m"), known
+        )
+    screen = io.StringIO()
+    Console(file=screen, width=80).print(console_table(made))
+    assert "information" in screen.getvalue() and "circle:rad" in screen.getvalue() and "…" not in screen.getvalue()
+
+
 def test_a_star_needs_several_comparisons():
     _, rows = table_rows(document(names=("three_step", "a", "b")))
     assert [row[-3] for row in rows] == ["1", "2.00 [2.00, 2.00] *", "3.00 [3.00, 3.00] *"]
