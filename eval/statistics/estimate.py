@@ -65,7 +65,8 @@ class Estimate:
         """The same figure as one of training runs, drawn like the fish from all that might have been.
 
         Variances of fish and of runs add up; their degrees of freedom follow Satterthwaite (1946, Biometrics Bulletin 2, 110).
-        The runs met the same fish, so that what the fish do to all of them does not count twice.
+        The runs met the same fish, so that what the fish do to all of them does not count twice. What they do to each run alone
+        does: where runs do not differ, intervals of 95 % hold the truth in 97 of 100 cases.
 
         Args:
             values: (R,) the figure of each run alone.

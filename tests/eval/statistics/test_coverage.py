@@ -20,10 +20,10 @@ def settings(*values):
     return [(FEW, *values[0]), *(pytest.param(MANY, *each, marks=pytest.mark.slow) for each in values)]
 
 
-def check(held, experiments):
+def check(held, experiments, most=0.97):
     share = held / experiments
     if experiments == MANY:
-        assert 0.93 <= share <= 0.97, share
+        assert 0.93 <= share <= most, share
     assert abs(share - 0.95) < 0.02 + 4 * math.sqrt(0.95 * 0.05 / experiments), share
 
 
@@ -43,7 +43,8 @@ def test_ratio_over_five_runs_holds_the_truth(experiments, effect, episodes):
         estimate = Bootstrap(resamples=400, seed=seed).ratio_estimate(first, runs.mean(axis=0)).over_runs(ratios, episodes)
         interval = estimate.interval()
         held += interval.low <= 1.2 <= interval.high
-    check(held, experiments)
+    # Where runs do not differ at all, how each met the fish by chance counts twice: with the fish, and as if the runs differed.
+    check(held, experiments, most=0.97 if effect else 0.985)
 
 
 @pytest.mark.parametrize(("experiments", "episodes"), settings((512,), (2048,)))
