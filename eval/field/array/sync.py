@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -52,8 +53,8 @@ class Sync:
     """Speed of sound [m/s]."""
     degree: int = 3
     """Of the polynomials in time."""
-    segment_days: Annotated[float | None, tyro.conf.arg(metavar="DAYS", help_behavior_hint="(one polynomial)")] = None
-    """Length of the segments that get a polynomial each, 7 for weeks."""
+    segment_days: Annotated[float | None, tyro.conf.arg(metavar="DAYS", help_behavior_hint="(as the data ask for)")] = None
+    """Length of the segments that get a polynomial each, 7 for weeks, inf for one polynomial."""
     largest_offset: float = 600.0
     """Largest difference between two clocks that is looked for [s]; below half the interval of sync tags that ping regularly."""
     reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
@@ -78,17 +79,17 @@ class Sync:
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2
         with progress_bar(pairs + 1, unit="pairs") as advance:
 
-            def run(some: Detections, where: Mapping[str, Floats]) -> Synchronization:
+            def run(some: Detections, where: Mapping[str, Floats], setting: SyncSetting) -> Synchronization:
                 return synchronize(some, sync_tags, where, setting, reference=self.reference, progress=advance)
 
-            found, detections, steps = synchronize_in_pieces(detections, places, run)
+            found, detections, steps = synchronize_in_pieces(detections, places, run, setting)
         document = {
             "detections_files": [str(path) for path in self.detections],
             "sync_tags_file": str(self.sync_tags),
             "receivers_file": None if self.receivers is None else str(self.receivers),
             "sound_speed_m_s": self.sound_speed,
             "degree": self.degree,
-            "segment_days": self.segment_days,
+            "segment_days": found.segment / DAY if math.isfinite(found.segment) else None,
             "largest_offset_s": self.largest_offset,
             **sync_document(found, detections),
             "steps": [dataclasses.asdict(step) for step in steps],
@@ -170,6 +171,8 @@ def print_sync(document: Mapping[str, Any]) -> None:
         f"left out: {len(document['outliers'])} outliers, {document['echoes']} echoes, {document['heard_by_one_receiver']} "
         "receptions of sync tags by one receiver alone. Extrapolated: detections outside the time in which sync tags were heard."
     )
+    if document["segment_days"]:
+        note += f" Polynomials each {document['segment_days']:.3g} days."
     rich.print(as_console_table(header, rows, note))
     for clock in document["clocks"]:
         if clock["outliers"] > MANY_OUTLIERS * clock["points"]:

@@ -96,6 +96,7 @@ class Fit:
     coefficients: dict[int, Floats]
     residual: Floats  # (N,) [s]; of outliers too
     used: NDArray[np.bool_]  # (N,): not an outlier
+    unknowns: int  # that the receptions determine: coefficients of clocks, travel times
     freedom: int  # used receptions less what was fitted
     undetermined: tuple[int, ...]  # receivers whose clock the data leave open
 
@@ -118,7 +119,7 @@ def spline_of(time: Floats, ahead: Floats, degree: int, segment: float | None) -
     days = (time - begin) / DAY
     length = max((end - begin) / DAY, 1e-6)
     inner: list[float] = []
-    if segment is not None and degree:
+    if segment is not None and np.isfinite(segment) and degree:
         least = POINTS_FOR_COEFFICIENT * (degree + 1)
         for limit in np.arange(segment / DAY, length, segment / DAY).tolist():
             last = inner[-1] if inner else 0.0
@@ -164,6 +165,7 @@ def fit_clocks(
         coefficients=coefficients,
         residual=residual,
         used=used,
+        unknowns=found.rank,
         freedom=int(used.sum()) - pings - found.rank,
         undetermined=tuple(undetermined),
     )

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tagtrack.eval.field.static_array.clocks import Synchronization
+from tagtrack.eval.field.static_array.clock_segments import WHOLE
+from tagtrack.eval.field.static_array.clocks import Synchronization, SyncSetting
 from tagtrack.eval.field.static_array.detections import Detections, Floats
 
 LEAST_STEP = 5e-3  # [s]: 7.5 m of sound; less is within what temperature does to a clock
@@ -20,7 +21,7 @@ UNMATCHED = 3600.0  # time beyond the last reception that could be matched, with
 MOST_STEPS = 6
 BETTER = 6.0  # by which two pieces must fit better than the smooth clock (mean square)
 
-Synchronize = Callable[[Detections, Mapping[str, Floats]], Synchronization]
+Synchronize = Callable[[Detections, Mapping[str, Floats], SyncSetting], Synchronization]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +36,17 @@ class Step:
 
 
 def synchronize_in_pieces(
-    detections: Detections, places: Mapping[str, Floats], synchronize: Synchronize
+    detections: Detections, places: Mapping[str, Floats], synchronize: Synchronize, setting: SyncSetting
 ) -> tuple[Synchronization, Detections, list[Step]]:
     """Synchronize; where a clock seems to step, again with the receiver as two.
+
+    Steps are looked for with one polynomial where the setting leaves segments to the data: fine ones would bend along a step.
 
     Returns:
         The synchronization, the detections with the names of its receivers, and the steps in order of time.
     """
-    found = synchronize(detections, places)
+    stiff = replace(setting, segment=WHOLE) if setting.segment is None else setting
+    found = synchronize(detections, places, stiff)
     steps: list[Step] = []
     while len(steps) < MOST_STEPS:
         suspect = _find_step(found, detections, [step.receiver for step in steps])
@@ -54,7 +58,7 @@ def synchronize_in_pieces(
         original = name.partition(" (")[0]
         nearby = {**places, new: places[name]} if name in places else places
         try:
-            again = synchronize(parted, nearby)
+            again = synchronize(parted, nearby, stiff)
         except ValueError:
             break
         if new not in again.models or name not in again.models:
@@ -64,6 +68,8 @@ def synchronize_in_pieces(
             break
         steps.append(Step(receiver=new, original=original, after=after, before=before, size=size))
         found, detections, places = again, parted, nearby
+    if setting.segment is None:
+        found = synchronize(detections, places, setting)
     return found, detections, sorted(steps, key=lambda step: step.after)
 
 

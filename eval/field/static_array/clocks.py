@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tagtrack.eval.field.static_array.clock_coarse import CoarseClocks, coarse_clocks
 from tagtrack.eval.field.static_array.clock_fit import Fit, Receptions, fit_clocks
 from tagtrack.eval.field.static_array.clock_model import ClockModel, correct
+from tagtrack.eval.field.static_array.clock_segments import WHOLE, fit_by_segments
 from tagtrack.eval.field.static_array.detections import Detections, shorten
 from tagtrack.eval.field.static_array.matching import DEFAULT_WINDOW, group_pings
 from tagtrack.eval.field.static_array.model import Floats
@@ -32,14 +33,15 @@ class SyncSetting:
 
     sound_speed: float = 1500.0  # [m/s]
     degree: int = 3  # of the polynomials (N of Eq. 18)
-    segment: float | None = None  # length of a segment [s]; None: one polynomial for all the time
+    segment: float | None = None  # length of a segment [s], infinite for one polynomial; None: as the data ask for
     window: float = DEFAULT_WINDOW  # of a ping after the coarse correction [s]
     largest_offset: float = 600.0  # between two raw clocks [s]; below half the interval of tags that ping regularly
 
     def __post_init__(self) -> None:
         for name in ("sound_speed", "segment", "window", "largest_offset"):
             value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
+            endless = name == "segment" and value == WHOLE
+            if value is not None and not endless and not (np.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, got {value!r}")
         if not 1 <= self.degree <= 9:
             raise ValueError(f"the degree of a clock's polynomial must be 1 to 9, got {self.degree}")
@@ -62,6 +64,7 @@ class Synchronization:
     echoes: int  # later arrivals of a ping at the same receiver
     alone: int  # receptions of sync tags that no second receiver shared
     sigma: float  # of one reception, with what was fitted taken into account [s]
+    segment: float  # length of the segments that got a polynomial each [s]; infinite for one
 
     @property
     def rms(self) -> float:
@@ -108,7 +111,11 @@ def synchronize(
         raise ValueError(f"{coarse.reference} {NOTHING_SHARED}: clocks cannot be compared")
     receptions, echoes, alone = match_receptions(sync, coarse, setting.window)
     root = sync.receivers.index(coarse.reference)
-    fit = fit_clocks(receptions, travel, root, degree=setting.degree, segment=setting.segment)
+    if setting.segment is None:
+        segment, fit = fit_by_segments(receptions, travel, root, degree=setting.degree)
+    else:
+        segment = setting.segment
+        fit = fit_clocks(receptions, travel, root, degree=setting.degree, segment=segment)
     progress("fit", 1)
     if fit.undetermined:
         names = shorten(tuple(sync.receivers[index] for index in fit.undetermined))
@@ -129,6 +136,7 @@ def synchronize(
         echoes=echoes,
         alone=alone,
         sigma=float(np.sqrt(np.sum(fit.residual[fit.used] ** 2) / max(fit.freedom, 1))),
+        segment=segment,
     )
 
 

@@ -141,7 +141,7 @@ def check_receivers(receivers: ArrayLike) -> Floats:
     """Places of the receivers (R, n) [m], n = 2 or 3.
 
     Raises:
-        ValueError: for another shape, a value that is not finite, or fewer than n + 1 receivers.
+        ValueError: for another shape, a value that is not finite, fewer than n + 1 receivers, or all in one place.
     """
     places = np.asarray(receivers, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] not in (2, 3):
@@ -151,4 +151,6 @@ def check_receivers(receivers: ArrayLike) -> Floats:
     if len(places) <= places.shape[1]:
         least = places.shape[1] + 1
         raise ValueError(f"a position in {places.shape[1]} dimensions takes at least {least} receivers, got {len(places)}")
+    if not np.ptp(places, axis=0).any():
+        raise ValueError(f"all {len(places)} receivers stand in one place, which tells no direction; correct their places")
     return places

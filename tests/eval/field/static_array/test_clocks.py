@@ -148,7 +148,7 @@ def test_a_clock_that_bends_by_the_week_takes_segments():
         return ahead(receiver, time) + 0.02 * (receiver == 1) * np.sin(2 * np.pi * (time - START) / (20 * DAY))
 
     record = deploy(days=30, ahead=wavy, interval=(1200.0, 1900.0))
-    single = synchronize(record.detections, OWN_TAGS, SITES, reference="R0")
+    single = synchronize(record.detections, OWN_TAGS, SITES, SyncSetting(segment=float("inf")), reference="R0")
     weekly = synchronize(record.detections, OWN_TAGS, SITES, SyncSetting(segment=5 * DAY), reference="R0")
     # The sine's 20 ms over one and a half periods are past any cubic, but no reason to throw its points away.
     assert single.models["R1"].rms > 2e-3 and single.models["R1"].outliers == 0
@@ -156,6 +156,18 @@ def test_a_clock_that_bends_by_the_week_takes_segments():
     model = weekly.models["R1"]
     assert len(model.limits) == 7  # 30 days in segments of 5
     np.testing.assert_allclose(model.offset(model.limits[1:-1] - 1e-3), model.offset(model.limits[1:-1]), atol=1e-6)
+
+
+def test_segments_are_as_long_as_the_clocks_ask_for():
+    def wavy(receiver: int, time: Floats) -> Floats:
+        return ahead(receiver, time) + 0.02 * (receiver == 1) * np.sin(2 * np.pi * (time - START) / (20 * DAY))
+
+    bent = synchronize(deploy(days=30, ahead=wavy, interval=(1200.0, 1900.0)).detections, OWN_TAGS, SITES, reference="R0")
+    # Cubics over 7.5 days follow a sine of 20 days to 20 ms (2 pi 7.5 / 20)^4 / (2^7 4!) = 0.2 ms, over 15 days not to 3 ms.
+    assert bent.segment < 8 * DAY
+    assert np.abs(clock_errors(bent, wavy, days=30)).max() < 0.5e-3
+    straight = synchronize(deploy(days=30, interval=(1200.0, 1900.0)).detections, OWN_TAGS, SITES, reference="R0")
+    assert straight.segment == float("inf") and len(straight.models["R1"].limits) == 2
 
 
 def test_a_segment_with_too_few_points_joins_its_neighbour():

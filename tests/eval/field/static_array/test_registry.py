@@ -55,3 +55,5 @@ def test_unknown_methods_and_misshapen_pings_are_named():
         locate("map", Pings(time=TIME[::-1], arrival=pings.arrival), SQUARE, SETTING)
     with pytest.raises(ValueError, match="at least 3 receivers, got 2"):
         locate("ml", pings, SQUARE[:2], SETTING)
+    with pytest.raises(ValueError, match="all 4 receivers stand in one place"):
+        locate("ml", pings, np.zeros((4, 2)), SETTING)
