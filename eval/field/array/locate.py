@@ -11,7 +11,8 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.eval.field.array.locating import Averaging, Located, LocateOptions
+from tagtrack.eval.field.array.chain import Averaging, Located
+from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.array.reading import describe_plane
 from tagtrack.eval.field.telemetry import Plane, Reference, read_receivers, read_reference

@@ -8,14 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
+from tagtrack.envs.model import import_object
 from tagtrack.eval.field.static_array.detections import Detections, shorten
 from tagtrack.eval.field.static_array.model import Floats
 from tagtrack.eval.field.telemetry import Plane, ReceiverPlaces, read_receivers, read_telemetry
 
 
-def read_aloud(paths: Sequence[Path]) -> Detections:
-    """The detections of files, after a line for each remark (rows dropped, times too coarse)."""
-    reading = read_telemetry(paths)
+def read_aloud(paths: Sequence[Path], layout: str | None = None) -> Detections:
+    """The detections of files, after a line for each remark (rows dropped, times too coarse).
+
+    Args:
+        layout: ``MODULE:FUNCTION`` that reads a file of the user's own kind; None for the kinds that are known.
+    """
+    reader = None if layout is None else import_object(layout)
+    reading = read_telemetry(paths, reader)
     for remark in reading.remarks:
         print(f"note: {remark}")
     return reading.detections

@@ -48,6 +48,8 @@ class Survey:
     """csv with columns receiver,x,y [m] or receiver,lon,lat [degrees] of places to turn and move the receivers onto."""
     sound_speed: float = 1500.0
     """Speed of sound [m/s]."""
+    layout: Annotated[str | None, tyro.conf.arg(metavar="MODULE:FUNCTION", help_behavior_hint="(recognized)")] = None
+    """A reader of your own kind of files, as `array locate` takes it."""
 
     def run(self) -> None:
         """Run it."""
@@ -57,7 +59,7 @@ class Survey:
         own_tags = read_own_tags(self.sync_tags)
         known, plane = read_places(self.reference)
         reference = known or None
-        baselines = survey_distances(read_aloud(self.detections), own_tags, self.sound_speed)
+        baselines = survey_distances(read_aloud(self.detections, self.layout), own_tags, self.sound_speed)
         names = survey_receivers(baselines)
         pairs = [[names.index(name) for name in baseline.receivers] for baseline in baselines]
         distances = [line.distance for line in baselines], [line.sd for line in baselines]

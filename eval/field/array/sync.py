@@ -59,6 +59,8 @@ class Sync:
     """Largest difference between two clocks that is looked for [s]; below half the interval of sync tags that ping regularly."""
     reference: Annotated[str | None, tyro.conf.arg(metavar="RECEIVER", help_behavior_hint="(the middle clock)")] = None
     """Receiver whose clock is the time; by default the middle one of those with a tag of their own."""
+    layout: Annotated[str | None, tyro.conf.arg(metavar="MODULE:FUNCTION", help_behavior_hint="(recognized)")] = None
+    """A reader of your own kind of files, as `array locate` takes it."""
 
     def run(self) -> None:
         """Run it."""
@@ -73,7 +75,7 @@ class Sync:
         )
         places, plane = read_places(self.receivers)
         sync_tags = read_sync_tags(self.sync_tags, plane)
-        detections = read_aloud(self.detections)
+        detections = read_aloud(self.detections, self.layout)
         if self.receivers is not None:
             detections = fit_names(detections, tuple(places), self.receivers)
         pairs = len(detections.receivers) * (len(detections.receivers) - 1) // 2

@@ -12,7 +12,8 @@ import rich
 import tyro
 
 from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
-from tagtrack.eval.field.array.locating import Located, LocateOptions
+from tagtrack.eval.field.array.chain import Located
+from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.static_array.choosing import choose_places
 from tagtrack.eval.field.static_array.model import Floats

@@ -9,7 +9,7 @@ import csv
 import gzip
 import io
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tagtrack.eval.field.static_array.detections import Codes, Detections
-from tagtrack.eval.field.telemetry.layouts import OWN, Block, Names, read_blocks
+from tagtrack.eval.field.telemetry.layouts import LATEST, OWN, Block, Names, read_blocks
 from tagtrack.policies.files import replace_file
 
 _BLOCK = 1 << 16  # rows written at a time
@@ -54,7 +54,10 @@ def read_detections(paths: Sequence[Path]) -> Detections:
     return reading.detections
 
 
-def read_telemetry(paths: Sequence[Path]) -> Reading:
+Reader = Callable[[Path], tuple[Sequence[float], Sequence[str], Sequence[str]]]
+
+
+def read_telemetry(paths: Sequence[Path], reader: Reader | None = None) -> Reading:
     """All detections of these files, in order of time, then of receiver and tag; each once, whatever the order of the rows.
 
     Receivers and tags are listed in alphabetical order. Names stand as in the files: a VUE export says ``VR2W-128344``, so
@@ -64,6 +67,7 @@ def read_telemetry(paths: Sequence[Path]) -> Reading:
         paths: csv files, plain or gzip, with columns ``t_unix_s,receiver,tag`` (seconds since 1970) among any others, or as
             exported by VUE, Fathom, GLATOS, OTN, ETN, Thelma or actel (``layouts.py``); or folders in the form of the RESNEP
             campaign: ``..._BS1/detections_BS1_TAG.txt``.
+        reader: for files of another kind: takes a path, returns times (N,) [s since 1970], and N names of receivers and of tags.
     Raises:
         ValueError: for a file that is none of these or holds no detection, and for a row without a finite time from 1970
             on, a receiver and a tag; names file and line.
@@ -75,6 +79,9 @@ def read_telemetry(paths: Sequence[Path]) -> Reading:
     blocks: list[Block] = []
     layouts: dict[str, None] = {}
     for path in paths:
+        if reader is not None:
+            blocks.append(_read_own(Path(path), reader, receivers, tags))
+            continue
         for layout, block in read_blocks(Path(path), receivers, tags):
             layouts[layout.name] = None
             blocks.append(block)
@@ -84,6 +91,22 @@ def read_telemetry(paths: Sequence[Path]) -> Reading:
     return Reading(
         detections=detections, rows=rows, duplicates=rows - len(detections.time), layouts=tuple(layouts)
     )
+
+
+def _read_own(path: Path, reader: Reader, receivers: Names, tags: Names) -> Block:
+    """What a user's own reader makes of a file. Raises ValueError for something that is no detections."""
+    name = getattr(reader, "__name__", repr(reader))
+    found = reader(path)
+    if not (isinstance(found, tuple) and len(found) == 3):
+        raise ValueError(f"{name} must return times, receivers and tags of {path}, got {type(found).__name__}")
+    lengths = [len(column) for column in found]
+    if len(set(lengths)) > 1 or not lengths[0]:
+        raise ValueError(f"{name} must return one time, receiver and tag for each detection of {path}, got {lengths}")
+    time = np.asarray(found[0], dtype=np.float64)
+    if not ((time >= 0) & (time < LATEST)).all():
+        wrong = time[~((time >= 0) & (time < LATEST))][0]
+        raise ValueError(f"{name}: times of {path} must be in seconds since 1970, from 0 to {LATEST:.0e}, got {wrong:g}")
+    return time, receivers.codes([str(each) for each in found[1]]), tags.codes([str(each) for each in found[2]])
 
 
 def _in_order(blocks: list[Block], receivers: Names, tags: Names) -> Detections:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tagtrack.eval.cli import main
+from tagtrack.eval.field import locate_tags, read_detections, read_receivers
 from tagtrack.eval.field.array.sound import read_sound_speed
 
 RECEIVERS = {"N": (0.0, 100.0), "S": (0.0, -100.0), "E": (100.0, 0.0), "W": (-100.0, 0.0)}
@@ -215,3 +216,44 @@ def test_clocks_that_were_never_synchronized_are_suspected(tmp_path: Path, capsy
     command = ["array", "locate", "--detections", str(tmp_path / "d.csv"), "--receivers", str(tmp_path / "r.csv")]
     main([*command, "--out", str(tmp_path / "out")])
     assert "nothing of fish was located" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_chain_is_a_function_and_the_command_gives_the_same(campaign: Path, array: Run) -> None:
+    places = read_receivers(campaign / "receivers.csv")
+    heard = read_detections([campaign / "detections.csv"])
+    [located] = locate_tags(heard, dict(zip(places.names, places.position, strict=True)), tags=["rest-1"])
+    assert array("locate", "--tags", "rest-1")[0] == 0
+    with (campaign / "out" / "positions.csv").open() as file:
+        written = np.array([[float(row["x"]), float(row["y"])] for row in csv.DictReader(file)])
+    np.testing.assert_allclose(located.positions.position[located.known], written, atol=1e-3)
+    with pytest.raises(ValueError, match="no detection of tag 'shark'"):
+        list(locate_tags(heard, {name: place for name, place in RECEIVERS.items()}, tags=["shark"]))
+
+
+def test_an_estimator_and_a_layout_of_ones_own(campaign: Path, array: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    (campaign / "own_field.py").write_text(
+        "import numpy as np\n"
+        "from tagtrack.eval.field import Positions\n"
+        "def first_heard(pings, receivers, setting, *, information=None):\n"
+        "    place = receivers[np.nanargmin(pings.arrival, axis=1)]\n"
+        "    return Positions(position=place, covariance=np.tile(100.0 * np.eye(2), (len(place), 1, 1)))\n"
+        "def flat(pings, receivers, setting, *, information=None):\n"
+        "    return Positions(position=np.zeros(2), covariance=np.eye(2))\n"
+        "def bars(path):\n"
+        "    rows = [line.split('|') for line in path.read_text().splitlines()]\n"
+        "    return [float(row[0]) / 1e3 for row in rows], [row[1] for row in rows], [row[2] for row in rows]\n"
+    )
+    monkeypatch.syspath_prepend(campaign)
+    assert array("locate", "--tags", "rest-1", "--method", "own_field:first_heard", "--max-sd", "1000")[0] == 0
+    with (campaign / "out" / "positions.csv").open() as file:
+        found = {(float(row["x"]), float(row["y"])) for row in csv.DictReader(file)}
+    assert found <= set(RECEIVERS.values())  # the nearest receiver, E or, where E missed the ping, N
+    status, printed = array("locate", "--method", "own_field:flat")
+    assert status == 2 and "flat: position must be (" in printed.splitlines()[-1]
+    status, printed = array("locate", "--method", "own_field:none")
+    assert status == 2 and "own_field has no 'none'" in printed
+    rows = [line.split(",") for line in (campaign / "detections.csv").read_text().splitlines()[1:]]
+    (campaign / "bars.txt").write_text("".join(f"{1e3 * float(t):.3f}|{receiver}|{tag}\n" for t, receiver, tag in rows))
+    own = ["--detections", str(campaign / "bars.txt"), "--layout", "own_field:bars", "--tags", "rest-1"]
+    assert array("locate", "--reference", str(campaign / "reference.csv"), *own)[0] == 0
+    assert summary(campaign)["rest-1"]["median_m"] < 2.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tagtrack.eval.field.array.locating import widen
+from tagtrack.eval.field.array.chain import widen
 from tagtrack.eval.field.static_array.consensus import agree
 from tagtrack.eval.field.static_array.maximum_likelihood import wls_ml
 from tagtrack.eval.field.static_array.model import ArraySetting, Pings
