@@ -119,7 +119,7 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
     lines = []
     for each in located:
         heard = each.pings.heard.sum(axis=1)
-        sd = each.sd
+        sd, ambiguous = each.sd, each.ambiguous
         rows = np.flatnonzero(each.known)
         degrees = plane.to_geodetic(each.positions.position[rows]) if plane else np.empty((rows.size, 0))
         for k, place in zip(rows, degrees, strict=True):
@@ -127,7 +127,7 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
             line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
             line += f",{each.positions.covariance[k, 0, 1]:.4f}"
             misfit, *other = ("" if np.isnan(value) else f"{value:.3f}" for value in (each.misfit[k], *each.other[k]))
-            line += "".join(f",{text}" for text in (misfit, f"{each.ambiguous[k]:d}", *other))
+            line += "".join(f",{text}" for text in (misfit, f"{ambiguous[k]:d}", *other))
             lines.append(line + "".join(f",{value:.8f}" for value in place))
     return lines
 

@@ -101,25 +101,28 @@ def _search(likelihood: Likelihood, starts: int) -> Floats:
     return likelihood.choose(np.stack(found))
 
 
-def descend(likelihood: Likelihood, start: Floats) -> Floats:
-    """Minima of the cost (K, n) from starts (K, n); NaN from NaN, where too little is known, and where they run away."""
+def descend(likelihood: Likelihood, start: Floats, most_steps: int = MOST_STEPS) -> Floats:
+    """Minima of the cost (K, n) from starts (K, n); NaN from NaN, where too little is known, and where they run away.
+
+    With few steps, how far descents came.
+    """
     estimate = np.full_like(start, np.nan)
     able = np.isfinite(start).all(axis=1) & (likelihood.known_differences >= likelihood.dimensions)
     rows = np.flatnonzero(able)
     for first in range(0, len(rows), AT_ONCE):
         some = rows[first : first + AT_ONCE]
-        estimate[some] = _newton(likelihood.take(some), start[some])
+        estimate[some] = _newton(likelihood.take(some), start[some], most_steps)
     estimate[np.linalg.norm(estimate - likelihood.centre, axis=1) > FARTHEST * likelihood.span] = np.nan
     return estimate
 
 
-def _newton(likelihood: Likelihood, start: Floats) -> Floats:
+def _newton(likelihood: Likelihood, start: Floats, most_steps: int) -> Floats:
     """Damped Newton descents (K, n); those that arrive leave the batch."""
     result = start.copy()
     active = np.arange(len(start))
     position, damping = start, np.zeros(len(start))
     now = likelihood.derivatives(position)
-    for _ in range(MOST_STEPS):
+    for _ in range(most_steps):
         step = _step(now, damping, likelihood.span)
         trial = position + step
         new = likelihood.derivatives(trial)

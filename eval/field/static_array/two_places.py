@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import minimum_filter
 
 from tagtrack.eval.field.static_array.likelihood import Likelihood, make_likelihood
 from tagtrack.eval.field.static_array.maximum_likelihood import descend, start_places
@@ -13,7 +16,8 @@ MARGIN = 6.9  # of the cost, by which another place may fit worse and still be t
 APART = 3.0  # standard deviations of the estimate, nearer than which another minimum is the same place
 LEAST_APART = 2.0  # [m]
 BEYOND = 4.5  # standard deviations, farther than which a place in the same valley is another one: its ellipse is too short
-GRID = 5  # starts along each axis of a square twice as wide as the array
+FIRST_STEPS = 4  # of a descent; where two have come near each other by then, one goes on
+GRID = 5  # places along each axis of a square twice as wide as the array
 VALLEY_STEPS = 60  # at most, each way
 FLAT = 0.1  # breadth of the receivers that heard a ping over their length, below which they stand in a line
 
@@ -36,16 +40,16 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
     part, own = likelihood.take(rows), position[rows]
     cost = part.cost(own)
     sd = np.sqrt(np.linalg.eigvalsh(covariance[rows])[:, -1])
+    near = np.maximum(APART * sd, LEAST_APART)
     best = np.full(rows.size, np.inf)
-    starts = [np.tile(place, (rows.size, 1)) for place in (*start_places(part), *_grid(part))]
-    starts.append(_mirrored(part, own))
-    for start in starts:
-        found = descend(part, start)
-        away = np.linalg.norm(found - own, axis=1)
-        value = part.cost(found)
-        better = (away > np.maximum(APART * sd, LEAST_APART)) & (value <= cost + MARGIN) & (value < best)
-        best[better] = value[better]
-        others[rows[better]] = found[better]
+    starts = [np.tile(place, (rows.size, 1)) for place in start_places(part)]
+    starts += [_mirrored(part, own), *_hollows(part)]
+    for row, place in _descend_apart(part, own, near, starts):
+        value = part.take(row).cost(place)
+        away = np.linalg.norm(place - own[row], axis=1)
+        better = (away > near[row]) & (value <= cost[row] + MARGIN) & (value < best[row])
+        best[row[better]] = value[better]
+        others[rows[row[better]]] = place[better]
     for way in (-1.0, 1.0):
         end = _follow_valley(part, own, sd, way)
         far = (np.linalg.norm(end - own, axis=1) > np.maximum(BEYOND * sd, LEAST_APART)) & np.isinf(best)
@@ -53,10 +57,30 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
     return others
 
 
-def _grid(likelihood: Likelihood) -> Floats:
-    """Places (S, n) all about the array."""
+def _descend_apart(
+    likelihood: Likelihood, own: Floats, near: Floats, starts: Sequence[Floats]
+) -> Iterator[tuple[NDArray[np.intp], Floats]]:
+    """Minima (M, n) of rows (M,) from starts (K, n) each, but for those whose first steps lead to the estimate or to one another."""
+    on_the_way = [own]
+    for start in starts:
+        begun = descend(likelihood, start, FIRST_STEPS)
+        apart = [np.linalg.norm(begun - other, axis=1) for other in on_the_way]
+        alone = np.isfinite(begun).all(axis=1) & ~np.any([each <= near for each in apart], axis=0)
+        on_the_way.append(np.where(alone[:, None], begun, np.nan))
+        row = np.flatnonzero(alone)
+        yield row, descend(likelihood.take(row), begun[row])
+
+
+def _hollows(likelihood: Likelihood) -> list[Floats]:
+    """Places (K, n) all about the array from which descents may begin: where a coarse grid has none lower beside it, else NaN."""
+    shape = (GRID,) * likelihood.dimensions
     reach = np.linspace(-likelihood.span, likelihood.span, GRID)
-    return likelihood.centre + np.stack(np.meshgrid(*[reach] * likelihood.dimensions), axis=-1).reshape(-1, likelihood.dimensions)
+    grid = likelihood.centre + np.stack(np.meshgrid(*[reach] * likelihood.dimensions, indexing="ij"), axis=-1)
+    places = grid.reshape(-1, likelihood.dimensions)
+    cost = np.stack([likelihood.cost(np.tile(place, (len(likelihood), 1))) for place in places])
+    about = minimum_filter(cost.reshape(*shape, -1), size=(*[3] * likelihood.dimensions, 1), mode="nearest")
+    lowest = cost <= about.reshape(len(places), -1)
+    return [np.where(low[:, None], place, np.nan) for low, place in zip(lowest, places, strict=True)]
 
 
 def _follow_valley(likelihood: Likelihood, position: Floats, sd: Floats, way: float) -> Floats:
