@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from tagtrack.eval.field.static_array.arrival_model import SHORTEST_INTERVAL, ArrivalModel, Rows, Scales, invert_blocks, lay_out
 from tagtrack.eval.field.static_array.likelihood import check_pings
+from tagtrack.eval.field.static_array.maximum_likelihood import wls_ml
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
 
 REGULAR = 0.02  # of the interval: how far the intervals of a regular tag, motion included, lie from whole multiples of it
@@ -99,9 +100,8 @@ def track_arrivals(
     rows = lay_out(pings, interval)
     model = ArrivalModel(rows, places, setting.sound_speed, robust=robust)
     scales = _first_scales(rows, setting)
-    state = model.start(_first_positions(model, rows.heard_row[located], setting))
-    for coarseness in COARSENESS:
-        state, _, _ = model.minimize(state, Scales(**(vars(scales) | {"sigma": coarseness * scales.sigma})))
+    starts = _first_positions(model, rows.heard_row[located], setting), _ping_by_ping(pings, places, setting, rows, robust)
+    state = min((_approach(model, start, scales) for start in starts if start is not None), key=lambda each: each[1])[0]
     if located.sum() >= FEWEST_PINGS:
         scales, state = _estimate_scales(model, scales, state)
     state, _, factor = model.minimize(state, scales)
@@ -122,6 +122,25 @@ def _first_scales(rows: Rows, setting: ArraySetting) -> Scales:
     usual = float(np.median(np.diff(rows.time))) if len(rows.time) > 1 else 1.0
     diffusivity = 0.5 * setting.first_speed_sigma**2 * max(usual, SHORTEST_INTERVAL)
     return Scales(diffusivity=diffusivity, sigma=setting.sigma, interval_sigma=FIRST_INTERVAL_SIGMA)
+
+
+def _approach(model: ArrivalModel, position: Floats, scales: Scales) -> tuple[Floats, float]:
+    """The states that a start (N, n) leads to, arrivals coarse at first, and minus the log of their density."""
+    state = model.start(position)
+    for coarseness in COARSENESS:
+        state, _, _ = model.minimize(state, Scales(**(vars(scales) | {"sigma": coarseness * scales.sigma})))
+    state, cost, _ = model.minimize(state, scales)
+    return state, cost
+
+
+def _ping_by_ping(pings: Pings, places: Floats, setting: ArraySetting, rows: Rows, robust: bool) -> Floats | None:
+    """(N, n): each ping where it is likeliest by itself, then lines; None where no ping tells. Few pings have no usual place."""
+    found = wls_ml(pings, places, setting, robust=robust).position
+    known = np.flatnonzero(np.isfinite(found).all(axis=1))
+    if not known.size:
+        return None
+    row = np.arange(len(rows.time))
+    return np.stack([np.interp(row, rows.heard_row[known], coordinate) for coordinate in found[known].T], axis=1)
 
 
 def _first_positions(model: ArrivalModel, located: NDArray[np.intp], setting: ArraySetting) -> Floats:

@@ -60,7 +60,7 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
 def _descend_apart(
     likelihood: Likelihood, own: Floats, near: Floats, starts: Sequence[Floats]
 ) -> Iterator[tuple[NDArray[np.intp], Floats]]:
-    """Minima (M, n) of rows (M,) from starts (K, n) each, but for those whose first steps lead to the estimate or to one another."""
+    """Minima (M, n) of rows (M,) from starts (K, n), without those whose first steps lead to the estimate or to one another."""
     on_the_way = [own]
     for start in starts:
         begun = descend(likelihood, start, FIRST_STEPS)

@@ -12,6 +12,7 @@ import pytest
 from tagtrack.eval.field.static_array.arrival_model import ArrivalModel, Scales, invert_blocks, lay_out
 from tagtrack.eval.field.static_array.arrival_track import regular_interval, track_arrivals, yaps
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings
+from tagtrack.eval.field.static_array.registry import locate
 
 SQUARE = np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 200.0], [0.0, 200.0]])
 SOUND = 1500.0
@@ -221,3 +222,23 @@ def read_canister(folder: Path, day: float) -> tuple[Floats, Pings]:
     arrival = arrival[np.isfinite(arrival).sum(axis=1) >= 2]
     places = np.array([[float(row["table1_position1_x"]), float(row["table1_position1_y"])] for row in stations])
     return places, Pings(time=np.nanmin(arrival, axis=1), arrival=arrival)
+
+
+def test_few_pings_are_no_worse_than_each_by_itself():
+    """Five pings of which some reach three receivers: a start in the wrong place once dragged the whole track along."""
+    receivers = np.array([[0.0, 0.0], [400.0, 0.0], [400.0, 400.0], [0.0, 400.0], [200.0, 200.0]])
+    setting = ArraySetting(sound_speed=SOUND, sigma=3e-4)
+    errors: dict[str, list[float]] = {"yaps": [], "wls_ml": []}
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        track = rng.uniform(50, 350, 2) + np.cumsum(rng.normal(0, 8, (5, 2)), axis=0)
+        sent = 1.6e9 + np.cumsum(rng.uniform(20, 40, 5))
+        arrival = sent[:, None] + np.linalg.norm(track[:, None] - receivers, axis=2) / SOUND + rng.normal(0, 3e-4, (5, 5))
+        arrival[rng.random(arrival.shape) < 0.3] = np.nan
+        heard = np.isfinite(arrival).sum(axis=1) >= 3
+        pings = Pings(time=np.nanmin(arrival[heard], axis=1), arrival=arrival[heard])
+        for method, errors_of in errors.items():
+            found = locate(method, pings, receivers, setting).position
+            errors_of += np.linalg.norm(found - track[heard], axis=1).tolist()
+    assert np.nanmax(errors["yaps"]) < 20.0 < np.nanmax(errors["wls_ml"])  # the mirror images are some 100 m away
+    assert np.nanmedian(errors["yaps"]) < 1.0
