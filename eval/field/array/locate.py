@@ -86,7 +86,7 @@ class Locate:
             columns = f"{COLUMNS},lon,lat" if plane else COLUMNS
             (folder / "positions.csv").write_text("\n".join([columns, *position_rows(located, plane), ""]), encoding="utf-8")
             write_json(folder / "summary.json", document)
-            clouds = [Cloud(name=each.tag, position=each.positions.position[each.known]) for each in located]
+            clouds = [_cloud(each) for each in located]
             truth = np.concatenate([true_places(each, reference) for each in located])
             save_figure(folder / "map.png", plot_map(clouds, places.position, places.names, truth=truth))
         print(f"written: {self.out}")
@@ -97,6 +97,16 @@ class Locate:
         if self.average_hours is not None:
             return Averaging(seconds=3600 * self.average_hours, systematic=self.systematic)
         return Averaging(count=self.average, systematic=self.systematic) if self.average > 1 else None
+
+
+def _cloud(located: Located) -> Cloud:
+    known = located.known
+    return Cloud(
+        name=located.tag,
+        position=located.positions.position[known],
+        covariance=located.positions.covariance[known],
+        doubtful=located.ambiguous[known],
+    )
 
 
 def summarize_tag(located: Located, reference: Reference | None) -> dict[str, Any]:
