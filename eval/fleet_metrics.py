@@ -30,7 +30,8 @@ def summarize_fleet(
         values = np.array([run[name] for run in runs])
         estimate = bootstrap.mean_estimate(values.mean(axis=0))
         if len(runs) > 1:
-            estimate = estimate.over_runs(values.mean(axis=1), bootstrap.independent(values.shape[1]))
+            fish, draws = bootstrap.independent(values.shape[1]), bootstrap.draws_of_mean(values)
+            estimate = estimate.over_runs(values.mean(axis=1), fish, draws)
         figures[name] = bootstrap.interval(estimate)
     return figures
 

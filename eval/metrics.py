@@ -73,8 +73,10 @@ def summarize_runs(
     fish = bootstrap.independent(together.episodes)
     figures = {"mean_range_m": UNDEFINED, "inside_perimeter": UNDEFINED}
     alone = [_error_values(run, lost_error) for run in runs]
+    draws = [_error_draws(run, lost_error, bootstrap) for run in runs]
     for name, estimate in _error_estimates(together, lost_error, bootstrap).items():
-        figures[name] = bootstrap.interval(estimate.over_runs([run[name] for run in alone], fish))
+        each = estimate.over_runs([run[name] for run in alone], fish, [drawn[name] for drawn in draws])
+        figures[name] = bootstrap.interval(each)
     measured = [_episode_values(run, perimeter, lost_error, metrics) for run in runs]
     for name in measured[0]:
         values = np.array([run[name] for run in measured])
@@ -82,7 +84,7 @@ def summarize_runs(
             figures[name] = bootstrap.share(values.mean(axis=0))
             continue
         estimate = (bootstrap.share_estimate if name in SHARES else bootstrap.mean_estimate)(values.mean(axis=0))
-        figure = bootstrap.interval(estimate.over_runs(values.mean(axis=1), fish))
+        figure = bootstrap.interval(estimate.over_runs(values.mean(axis=1), fish, bootstrap.draws_of_mean(values)))
         figures[name] = _within_shares(figure) if name in SHARES else figure
     return figures
 
@@ -115,27 +117,34 @@ def _error_values(record: EpisodeRecord, lost_error: float) -> dict[str, float]:
     }
 
 
-def _error_estimates(record: EpisodeRecord, lost_error: float, bootstrap: Bootstrap) -> dict[str, Estimate]:
-    """The same with their standard errors."""
-    error, episodes = record.error, record.episodes
-    counts = bootstrap.counts(episodes)
-    drawn = counts.sum(axis=1)
+def _error_draws(record: EpisodeRecord, lost_error: float, bootstrap: Bootstrap) -> dict[str, Floats]:
+    """The same in each draw of episodes (R,); not finite where all of a draw is lost."""
+    error = record.error
+    counts = bootstrap.counts(record.episodes)
     mean_error, mean_square = np.nanmean(error, axis=1), np.nanmean(error**2, axis=1)
     median, p95 = pooled_quantile_replicates(error, counts, (0.5, 0.95))
     kept = error <= lost_error
     with np.errstate(divide="ignore", invalid="ignore"):
         not_lost = (counts @ np.where(kept, error, 0.0).sum(axis=1)) / (counts @ kept.sum(axis=1))
-    replicates = {
+    return {
+        "mean_error_m": bootstrap.draws_of_mean(mean_error),
         "median_error_m": median,
-        "rmse_m": np.sqrt(counts @ mean_square / drawn),
+        "rmse_m": np.sqrt(counts @ mean_square / counts.sum(axis=1)),
         "p95_error_m": p95,
         "trimmed_mean_error_m": interquartile_mean(mean_error, counts),
-        "error_if_not_lost_m": not_lost[np.isfinite(not_lost)],
+        "error_if_not_lost_m": not_lost,
     }
-    values = _error_values(record, lost_error)
-    return {"mean_error_m": bootstrap.mean_estimate(mean_error)} | {
-        name: bootstrap.estimate(values[name], drawn, episodes=episodes) for name, drawn in replicates.items()
-    }
+
+
+def _error_estimates(record: EpisodeRecord, lost_error: float, bootstrap: Bootstrap) -> dict[str, Estimate]:
+    """The same with their standard errors."""
+    values, draws = _error_values(record, lost_error), _error_draws(record, lost_error, bootstrap)
+    mean = bootstrap.mean_estimate(np.nanmean(record.error, axis=1))
+    return {
+        name: mean if name == "mean_error_m"
+        else bootstrap.estimate(values[name], drawn[np.isfinite(drawn)], episodes=record.episodes)
+        for name, drawn in draws.items()
+    }  # fmt: skip
 
 
 def error_quantiles(runs: Runs, shares: Floats, bootstrap: Bootstrap) -> list[Interval]:
@@ -143,12 +152,17 @@ def error_quantiles(runs: Runs, shares: Floats, bootstrap: Bootstrap) -> list[In
     together = pool(runs) if len(runs) > 1 else runs[0]
     values = np.nanquantile(together.error, shares)
     replicates = pooled_quantile_replicates(together.error, bootstrap.counts(together.episodes), shares.tolist())
-    estimates = [bootstrap.estimate(value, drawn, episodes=together.episodes)
-                 for value, drawn in zip(values, replicates, strict=True)]
+    estimates = [
+        bootstrap.estimate(value, drawn, episodes=together.episodes) for value, drawn in zip(values, replicates, strict=True)
+    ]
     if len(runs) > 1:
         alone = np.array([np.nanquantile(run.error, shares) for run in runs])
-        fish = bootstrap.independent(together.episodes)
-        estimates = [estimate.over_runs(column, fish) for estimate, column in zip(estimates, alone.T, strict=True)]
+        counts, fish = bootstrap.counts(together.episodes), bootstrap.independent(together.episodes)
+        draws = np.array([pooled_quantile_replicates(run.error, counts, shares.tolist()) for run in runs])
+        estimates = [
+            estimate.over_runs(column, fish, drawn)
+            for estimate, column, drawn in zip(estimates, alone.T, draws.swapaxes(0, 1), strict=True)
+        ]
     return [bootstrap.interval(estimate) for estimate in estimates]
 
 
@@ -187,7 +201,8 @@ def ratio_estimate(first: Runs, other: Runs, bootstrap: Bootstrap) -> Estimate |
     estimate = bootstrap.ratio_estimate(above.mean(axis=0), below.mean(axis=0))
     for side in (above, below):
         if estimate is not None and estimate.relative and len(side) > 1:
-            estimate = estimate.over_runs(side.mean(axis=1), bootstrap.independent(side.shape[1]))
+            fish, draws = bootstrap.independent(side.shape[1]), bootstrap.draws_of_mean(side)
+            estimate = estimate.over_runs(side.mean(axis=1), fish, draws)
     return estimate
 
 
@@ -208,10 +223,13 @@ def compare_runs(first: Runs, other: Runs, bootstrap: Bootstrap) -> dict[str, In
     better = bootstrap.share_estimate(shares.mean(axis=0))
     if len(each) > 1:
         fish = bootstrap.independent(ratios.size)
-        better = better.over_runs(shares.mean(axis=1), fish)
+        better = better.over_runs(shares.mean(axis=1), fish, bootstrap.draws_of_mean(shares))
         if median is not None:
+            counts = bootstrap.counts(ratios.size)
             with np.errstate(divide="ignore"):
-                median = median.over_runs(np.median(above / each, axis=1), fish)
+                alone = above / each
+            draws = [pooled_quantile_replicates(run[:, None], counts, (0.5,))[0] for run in alone]
+            median = median.over_runs(np.median(alone, axis=1), fish, draws)
     return {
         "ratio": bootstrap.interval(estimate),
         "median_ratio": bootstrap.interval(median),

@@ -178,7 +178,10 @@ def caption(document: Document) -> str:
         text += f" A star: another ratio than 1 even for {len(document['ratios'])} comparisons at once (Holm, 5 %)."
     for name, runs in document.get("groups", {}).items():
         ratios = ", ".join(_number(run["ratio"]) for run in runs.values())
-        text += f" {name} is {len(runs)} training runs, ratios {ratios}: its intervals hold for other runs as well."
+        if len(runs) == 1:
+            text += f" {name} is one training run: its intervals say nothing of other runs."
+        else:
+            text += f" {name} is {len(runs)} training runs, ratios {ratios}: its intervals hold for other runs as well."
     text += "".join(f" {note}" for note in document.get("notes", ()))
     if tracks := document.get("tracks"):
         text += _track_note(tracks)

@@ -35,7 +35,7 @@ class Grid:
     """What is tried without --values."""
 
     values: tuple[float, ...]
-    whole: bool = False  # numbers
+    whole: bool = False  # numbers, from 1 on
     geometric: bool = False  # may go on at either end, each value so many times the one before
 
 
@@ -73,7 +73,9 @@ def longer(grid: Grid, tried: Sequence[float], best: float) -> list[float]:
         return []
     factor = values[1] / values[0] if best == values[0] else values[-1] / values[-2]
     beyond = [best * factor**k if best == values[-1] else best / factor**k for k in (1, 2)]
-    return _not_yet([float(round(value)) if grid.whole else float(f"{value:.3g}") for value in beyond], tried)
+    if grid.whole:
+        return _not_yet([float(round(value)) for value in beyond if value >= 1], tried)
+    return _not_yet([float(f"{value:.3g}") for value in beyond], tried)
 
 
 def finer(grid: Grid, tried: Sequence[float], best: float) -> list[float]:

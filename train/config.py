@@ -63,7 +63,7 @@ class TrainConfig:
     with it. It goes on in new episodes, so that the policy is not the one that an uninterrupted run would have found."""
     start: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="(none)")] = None
     """What a fleet's policy begins as: a baseline, which it imitates first (uncertain, information:13), or the folder of a run,
-    for instance of a smaller fleet. At first only its critic learns."""
+    for instance of a smaller fleet; none where the task has one of its own. At first only its critic learns."""
     trust: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Resume a run that was trained elsewhere: loading its checkpoint runs whatever code somebody put in."""
     config: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None

@@ -54,6 +54,8 @@ def test_runs_of_a_training_are_one_row_in_which_each_weighs_the_same(task):
     document = comparison.document({})
     assert document["groups"]["learned"]["seed1"]["mean_error_m"] == pytest.approx(each["seed1"].mean())
     assert "learned is 2 training runs, ratios " in caption(document)
+    alone = compare(task, {"pursuit": "pursuit", "learned": {"seed0": "circle:20"}}, episodes=5).document({})
+    assert "learned is one training run: its intervals say nothing of other runs" in caption(alone)
 
 
 def test_groups_are_named_on_command_lines():

@@ -26,6 +26,14 @@ def test_satterthwaites_degrees_of_freedom_by_hand():
     assert both.below == both.above == pytest.approx(math.sqrt(0.02))
 
 
+@pytest.mark.parametrize(("further", "own"), [(0.0, 0.02), (0.05, 0.015), (0.2, 0.0)])
+def test_what_fish_add_to_the_difference_of_runs_is_taken_off(further, own):
+    """Runs 0.2 apart have a variance of 0.02; 0.2 + 2 c and 0.2 - 2 c apart, in two draws of fish, one of 0.02 + 2 c^2."""
+    draws = np.array([[4.9 - further, 4.9 + further], [5.1 + further, 5.1 - further]])
+    both = Estimate(value=5.0, below=0.1, above=0.1, relative=False).over_runs([4.9, 5.1], fish=101, draws=draws)
+    assert both.below == pytest.approx(math.sqrt(0.01 + own / 2))
+
+
 def test_one_run_says_nothing_of_others():
     assert math.isnan(Estimate(value=1.0, below=0.1, above=0.1, relative=True).over_runs([1.0], fish=50).interval().low)
 
