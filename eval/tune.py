@@ -46,7 +46,7 @@ def usual_grid(parameter: str, scenario: Scenario) -> Grid | None:
         "radius": Grid(values=_times(usual_radius(scenario), (0.35, 0.5, 0.7, 1, 1.4, 2, 2.8)), geometric=True),
         "tau": Grid(values=(5, 10, 15, 20, 25, 30, 35, 40, 45)),  # beyond, the steps are never steered: pursuit
         "perimeter": Grid(values=_times(length, (0, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8))),
-        "horizon": Grid(values=(1, 2, 3, 5, 8, 13), whole=True, geometric=True),
+        "horizon": Grid(values=(1, 2, 3, 5, 8, 13, 21, 34), whole=True, geometric=True),
         "centroid": Grid(values=(0, 1)),
         "radius_step": Grid(values=_times(length, (0, 0.04, 0.1, 0.2, 0.4))),
         "spacing": Grid(values=(0, 0.15, 0.3, 0.45, 0.6)),
