@@ -9,7 +9,9 @@ import pytest
 
 from tagtrack.eval.papers import (
     clark2013_filters,
+    lin2013_clock,
     lin2013_ranging,
+    masmitja2020_bound,
     masmitja2020_field,
     masmitja2020_float,
     masmitja2020_turn,
@@ -79,6 +81,21 @@ def test_fig_3d_of_masmitja_averages_half_an_hour_and_ten_minutes():
     error[1, -1] = 1000.0  # one step of sixty: 12.5 m more
     assert mean_error(error, 67 * 60.0)[0] == pytest.approx(52 * 60 + 5)
     assert is_lost(error).tolist() == [True, True] and not is_lost(error - 20.0)[1]
+
+
+def test_bound_of_masmitja_takes_differences_for_independent():
+    """Amid the square: information 2 / (c sigma)^2 an axis from arrivals, four times that from six differences as printed."""
+    found = {(row.row, row.column): row.ours for row in masmitja2020_bound.run_bound(Setting()).rows}
+    printed, arrivals = masmitja2020_bound.READINGS
+    assert found[printed, "largest, inside"] < 1.0 and found[printed, "largest, 250 m off"] == pytest.approx(7.5, abs=0.1)
+    for column in ("largest, inside", "largest, 250 m off"):
+        assert found[arrivals, column] == pytest.approx(2 * found[printed, column])
+
+
+def test_what_table_i_of_lin_does_not_list_stands_beside_no_printed_number():
+    found = lin2013_clock.run_histogram(Setting(size=Size(records=1))).rows
+    assert math.isnan(found[-1].paper_value) and found[-1].row == "all others"
+    assert sum(row.paper_value for row in found[:-1]) == 1546
 
 
 def write_moorings(folder, speed):
