@@ -5,8 +5,9 @@ The names below load their modules when they are first asked for: a vehicle that
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tagtrack.envs.lazy import lazily
 
 if TYPE_CHECKING:
     from tagtrack.envs.area_only import AreaOnlyEnv
@@ -18,17 +19,15 @@ if TYPE_CHECKING:
     from tagtrack.envs.time_of_flight import TimeOfFlightEnv
     from tagtrack.envs.vector import TagTrackVectorEnv
 
-_HOME_OF = {
-    "SCENARIOS": "scenario",
-    "AreaOnlyEnv": "area_only",
-    "RangeOnlyEnv": "range_only",
-    "Scenario": "scenario",
-    "Simulation": "simulation",
-    "TagTrackEnv": "single",
-    "TagTrackVectorEnv": "vector",
-    "TimeOfFlightEnv": "time_of_flight",
-    "find_scenario": "scenario",
-    "with_overrides": "overrides",
+_HOMES = {
+    "area_only": ("AreaOnlyEnv",),
+    "overrides": ("with_overrides",),
+    "range_only": ("RangeOnlyEnv",),
+    "scenario": ("SCENARIOS", "Scenario", "find_scenario"),
+    "simulation": ("Simulation",),
+    "single": ("TagTrackEnv",),
+    "time_of_flight": ("TimeOfFlightEnv",),
+    "vector": ("TagTrackVectorEnv",),
 }
 
 __all__ = [
@@ -44,12 +43,4 @@ __all__ = [
     "with_overrides",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazily(__name__, _HOMES)

@@ -6,8 +6,9 @@ load their modules when they are first asked for, so importing this package cost
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tagtrack.envs.lazy import lazily
 
 if TYPE_CHECKING:
     from tagtrack.eval.comparison import Comparison, compare
@@ -27,7 +28,6 @@ _HOMES = {
     "rollout": ("SeedBlock", "Trace", "block_seed", "roll_out", "trace"),
     "versions": ("collect_versions",),
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Bootstrap",
@@ -45,12 +45,4 @@ __all__ = [
     "trace",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazily(__name__, _HOMES)

@@ -14,6 +14,7 @@ from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import Task, build_task, full_id
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_groups
 from tagtrack.eval.episode_record import EpisodeRecord, pool
+from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.fleet_metrics import summarize_fleet
 from tagtrack.eval.metrics import Metric, Runs, compare_runs, measure, summarize, summarize_runs
 from tagtrack.eval.report import Document, benchmark_document
@@ -141,7 +142,7 @@ def compare(
         tell = None if on_step is None else _bind(on_step, run or name)
         whole = roll_out(task, maker, episodes=episodes, seed=first, threads=threads, batch=batch, on_step=tell)
         found[name][run] = whole.from_step(from_step)
-    clusters = cluster_episodes(task, episodes=episodes, seed=first, batch=batch)
+    clusters = cluster_episodes(task, Episodes(count=episodes, seed=first, batch=batch))
     bootstrap = replace(bootstrap or Bootstrap(), clusters=clusters)
     if perimeter is None:
         perimeter = task.scenario.reward.perimeter or math.nan

@@ -17,6 +17,7 @@ from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.statistics.clusters import Clusters, cluster_windows
 from tagtrack.eval.step_log import EpisodeLog
 from tagtrack.policies.protocol import Policy
@@ -71,9 +72,7 @@ class Trace:
 class Localizer(Protocol):
     """What tells where the fish of an episode is without steering a vehicle."""
 
-    def trace(
-        self, task: Task, *, episodes: int, seed: int, threads: int, batch: int, on_step: Callable[[int], None] | None
-    ) -> Trace: ...
+    def trace(self, task: Task, episodes: Episodes) -> Trace: ...
 
 
 Contestant = PolicyMaker | Localizer
@@ -105,10 +104,10 @@ def roll_out(
         episodes: E. seed: of episode 0. batch: worlds that run at once (results do not depend on it).
         on_step: called with the number of env steps done at each step, for progress bars.
     """
+    chosen = Episodes(count=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step)
     if isinstance(contestant, Localizer):
-        return contestant.trace(task, episodes=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step).record
-    record, _ = _run(task, contestant, episodes, seed, threads, batch, on_step, traced=False)
-    return record
+        return contestant.trace(task, chosen).record
+    return _run(task, contestant, chosen, traced=False).record()
 
 
 def trace(
@@ -122,90 +121,62 @@ def trace(
     on_step: Callable[[int], None] | None = None,
 ) -> Trace:
     """As ``roll_out``, keeping paths and beliefs as well (64 bytes and more a step: for few episodes or for statistics)."""
+    chosen = Episodes(count=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step)
     if isinstance(contestant, Localizer):
-        return contestant.trace(task, episodes=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step)
-    record, kept = _run(task, contestant, episodes, seed, threads, batch, on_step, traced=True)
-    return Trace(record=record, **kept)
+        return contestant.trace(task, chosen)
+    log = _run(task, contestant, chosen, traced=True)
+    return Trace(record=log.record(), **log.kept)
 
 
-def watch_fish(
-    task: Task,
-    *,
-    episodes: int,
-    seed: int,
-    threads: int = 1,
-    batch: int = 128,
-    on_step: Callable[[int], None] | None = None,
-) -> Truth:
+def watch_fish(task: Task, episodes: Episodes) -> Truth:
     """The same fish and pings that ``roll_out`` shows a policy: they depend on the episode alone, not on vehicle or belief."""
-    scenario = with_overrides(task.scenario, {"belief.particles": 1})  # nobody looks at the belief
-    fish = np.empty((episodes, scenario.episode_steps, 2))
-    pinged = np.empty((episodes, scenario.episode_steps), bool)
-    for first in range(0, episodes, batch):
-        rows = slice(first, min(first + batch, episodes))
-        simulation = Simulation(scenario, rows.stop - first, threads=threads, tracks=task.tracks)
-        simulation.reset(seed + first)
+    steps = task.scenario.episode_steps
+    fish = np.empty((episodes.count, steps, 2))
+    pinged = np.empty((episodes.count, steps), bool)
+    for rows, simulation in episodes.begin(_without_belief(task)):
         idle = np.zeros((simulation.num_worlds, 1, len(simulation.action_names)), np.float32)
         last_ping = simulation.worlds.targets["last_ping"][:, 0].copy()
-        for step in range(scenario.episode_steps):
+        for step in range(steps):
             simulation.step(idle)
             fish[rows, step] = simulation.fish_position[:, 0]
             pinged[rows, step] = simulation.worlds.targets["last_ping"][:, 0] != last_ping
             last_ping = simulation.worlds.targets["last_ping"][:, 0].copy()
-            if on_step is not None:
-                on_step(simulation.num_worlds)
-        simulation.close()
+            episodes.tell(simulation.num_worlds)
     return Truth(fish=fish, pinged=pinged)
 
 
-def cluster_episodes(task: Task, *, episodes: int, seed: int, batch: int = 128) -> Clusters | None:
+def cluster_episodes(task: Task, episodes: Episodes) -> Clusters | None:
     """Which episodes swim the same stretch of a recorded track; None where fish do not replay any."""
     if task.tracks is None or not isinstance(task.scenario.fish, Replay):
         return None
-    scenario = with_overrides(task.scenario, {"belief.particles": 1})
-    start = np.empty((episodes, scenario.targets), np.int64)
-    for first in range(0, episodes, batch):
-        rows = slice(first, min(first + batch, episodes))
-        simulation = Simulation(scenario, rows.stop - first, tracks=task.tracks)
-        simulation.reset(seed + first)
+    scenario = task.scenario
+    start = np.empty((episodes.count, scenario.targets), np.int64)
+    for rows, simulation in episodes.begin(_without_belief(task)):
         start[rows] = simulation.worlds.targets["memory"][..., START_ROW]
-        simulation.close()
     last = make_table(task.tracks, task.scenario.fish, scenario.time_step, scenario.episode_steps).last
     stretches = find_stretches(task.tracks, task.scenario.fish, scenario.time_step, scenario.episode_steps)
     return cluster_windows(start, last, scenario.episode_steps, animals=len({stretch.tag for stretch in stretches}))
 
 
-def _run(
-    task: Task,
-    make_policy: PolicyMaker,
-    episodes: int,
-    seed: int,
-    threads: int,
-    batch: int,
-    on_step: Callable[[int], None] | None,
-    *,
-    traced: bool,
-) -> tuple[EpisodeRecord, dict[str, np.ndarray]]:
-    if episodes < 1:
-        raise ValueError(f"episodes must be at least 1, got {episodes}")
-    steps, fleet = task.scenario.episode_steps, task.scenario.vehicles
-    log = EpisodeLog(task.scenario, episodes, traced=traced)
-    for first in range(0, episodes, batch):
-        rows = slice(first, min(first + batch, episodes))
-        simulation = Simulation(task.scenario, rows.stop - first, threads=threads, tracks=task.tracks)
+def _without_belief(task: Task) -> Task:
+    """With one particle, for those who do not look at the belief."""
+    return task._replace(scenario=with_overrides(task.scenario, {"belief.particles": 1}))
+
+
+def _run(task: Task, make_policy: PolicyMaker, episodes: Episodes, *, traced: bool) -> EpisodeLog:
+    fleet = task.scenario.vehicles
+    log = EpisodeLog(task.scenario, episodes.count, traced=traced)
+    for rows, simulation in episodes.begin(task):
         worlds, components = simulation.num_worlds, len(simulation.action_names)
-        observation = simulation.reset(seed + first)
         policy = make_policy(simulation)
         state, starts = None, np.ones(worlds * fleet, bool)
-        for step in range(steps):
-            actions, state = policy.predict(observation.reshape(worlds * fleet, -1), state, starts, deterministic=True)
+        for step in range(task.scenario.episode_steps):
+            observation = simulation.observation.reshape(worlds * fleet, -1)
+            actions, state = policy.predict(observation, state, starts, deterministic=True)
             starts = np.zeros(worlds * fleet, bool)
             if np.shape(actions) != (worlds * fleet, components):
                 raise ValueError(f"a policy must give actions {(worlds * fleet, components)}, got {np.shape(actions)}")
             simulation.step(np.reshape(actions, (worlds, fleet, components)))
-            observation = simulation.observation
             log.note(rows, step, simulation)
-            if on_step is not None:
-                on_step(worlds)
-        simulation.close()
-    return log.record(), log.kept
+            episodes.tell(worlds)
+    return log

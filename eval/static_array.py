@@ -7,7 +7,6 @@ is what the field adds: pings that are missed, echoes, clocks that drift, receiv
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from tagtrack.envs.task import Task
 from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions
 from tagtrack.eval.field.static_array.registry import locate
 from tagtrack.eval.rollout import Trace, watch_fish
@@ -43,26 +43,17 @@ class StaticArray:
         """(4, 2) [m]."""
         return 0.5 * self.baseline * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
 
-    def trace(
-        self,
-        task: Task,
-        *,
-        episodes: int,
-        seed: int,
-        threads: int = 1,
-        batch: int = 128,
-        on_step: Callable[[int], None] | None = None,
-    ) -> Trace:
+    def trace(self, task: Task, episodes: Episodes) -> Trace:
         """Estimates of the fish that policies meet in these episodes, as ``rollout.trace`` gives theirs.
 
         Before its first ping a fish is taken to be in the middle, with a NaN covariance. There is no vehicle: its path is NaN,
         and the record has neither range nor reward.
         """
-        truth = watch_fish(task, episodes=episodes, seed=seed, threads=threads, batch=batch, on_step=on_step)
+        truth = watch_fish(task, episodes)
         estimate = np.empty_like(truth.fish)
         covariance = np.empty((*truth.fish.shape, 2))
         for episode, (fish, pinged) in enumerate(zip(truth.fish, truth.pinged, strict=True)):
-            found = self.hear(fish, np.random.default_rng((seed + episode, NOISE)), pinged, task.scenario.time_step)
+            found = self.hear(fish, np.random.default_rng((episodes.seed + episode, NOISE)), pinged, task.scenario.time_step)
             estimate[episode], covariance[episode] = hold(found, pinged)
         return Trace(
             record=EpisodeRecord(error=np.linalg.norm(estimate - truth.fish, axis=-1)),

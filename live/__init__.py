@@ -1,19 +1,20 @@
-"""At sea: the filter and a policy on measurements of real receivers and vehicles, live or from the log of a mission."""
+"""At sea: the filter and a policy on measurements of real receivers and vehicles, live or from the log of a mission.
+
+The names below load their modules when they are first asked for: the command line answers --help before numba has loaded.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+from tagtrack.envs.lazy import lazily
+
+if TYPE_CHECKING:
+    from tagtrack.live.conventions import Conventions
+    from tagtrack.live.tracker import Command, Estimate, Tracker
+
+_HOMES = {"conventions": ("Conventions",), "tracker": ("Command", "Estimate", "Tracker")}
 
 __all__ = ["Command", "Conventions", "Estimate", "Tracker"]
 
-
-def __getattr__(name: str) -> Any:  # the command line must answer --help before numba has loaded
-    if name in ("Command", "Estimate", "Tracker"):
-        from tagtrack.live import tracker
-
-        return getattr(tracker, name)
-    if name == "Conventions":
-        from tagtrack.live.conventions import Conventions
-
-        return Conventions
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__, __dir__ = lazily(__name__, _HOMES)

@@ -41,7 +41,7 @@ MAY_IMPORT = {
 
 # Inside envs/, ground floor first: a module may import from its own floor and from those below.
 FLOORS = (
-    ("kernels", "validation", "workers", "csv_table"),
+    ("kernels", "validation", "workers", "csv_table", "lazy"),
     ("measurement", "message", "tag", "feature", "frame", "model"),
     ("motions", "sensors", "rewards"),
     ("sim", "belief"),  # the truth and what is believed of it: the wall below keeps them apart

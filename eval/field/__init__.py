@@ -7,8 +7,9 @@ The names below load their modules when they are first asked for.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from tagtrack.envs.lazy import lazily
 
 if TYPE_CHECKING:
     from tagtrack.eval.field.array.chain import Averaging, Located, Locating, locate_tags
@@ -28,7 +29,6 @@ _HOMES = {
     "static_array.model": ("ArraySetting", "Pings", "Positions"),
     "telemetry": ("read_detections", "read_receivers", "read_sync_tags"),
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "ArraySetting",
@@ -49,12 +49,4 @@ __all__ = [
     "synchronize",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME_OF[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazily(__name__, _HOMES)

@@ -168,7 +168,7 @@ def run_missions(setting: Setting) -> Findings:
         missions = record_moving(variant, setting)
         rows += mission_rows("auv2Track", missions, variant)
         if not variant.suffix:
-            rows += rate_rows(missions) + covered_rows("auv2Track", missions)
+            rows += rate_rows("moving tag", missions) + covered_rows("auv2Track", missions)
             figures |= draw_typical(missions, "clark2013_fig_8")
         for name, seconds in STATIONARY_SECONDS.items():
             scenario = stationary_scenario(setting.size.particles, seconds)
@@ -177,6 +177,7 @@ def run_missions(setting: Setting) -> Findings:
             if not variant.suffix:
                 rows += covered_rows(name, resting)
             if not variant.suffix and name == TYPICAL_REST:
+                rows += rate_rows("resting tag", resting)
                 figures |= draw_typical(resting, "clark2013_fig_7")
     for name, seconds in SHARK_SECONDS.items():
         sharks = record(shark_scenario(setting.size.particles, seconds), setting.size.sharks, setting, VARIANTS[0])
@@ -236,7 +237,7 @@ def covered_rows(name: str, missions: Sequence[Recording]) -> list[Row]:
     ]
 
 
-def rate_rows(missions: Sequence[Recording]) -> list[Row]:
+def rate_rows(name: str, missions: Sequence[Recording]) -> list[Row]:
     """Highest and lowest number of signals in a minute."""
     rates = np.array([signals_a_minute(mission) for mission in missions])
     values = {"highest": rates.max(axis=1), "lowest": rates.min(axis=1)}
@@ -245,13 +246,13 @@ def rate_rows(missions: Sequence[Recording]) -> list[Row]:
             values[column],
             paper=PAPER,
             table="Fig. 8",
-            row="signals in a minute",
+            row=f"signals in a minute, {name}",
             column=column,
             paper_value=printed,
             unit="1/min",
             note=NOTE_8,
         )
-        for column, printed in CLARK2013_SIGNAL_RATES.items()
+        for column, printed in CLARK2013_SIGNAL_RATES[name].items()
     ]
 
 

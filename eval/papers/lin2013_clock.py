@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -73,7 +74,7 @@ def run_histogram(setting: Setting) -> Findings:
             table="Table I",
             row=value if isinstance(value, str) else f"{value:.5f} s",
             column="frequency",
-            paper_value=0 if isinstance(value, str) else LIN2013_TABLE_I[value],
+            paper_value=math.nan if isinstance(value, str) else LIN2013_TABLE_I[value],
             unit="1",
             note=NOTE_I,
         )

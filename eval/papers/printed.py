@@ -64,8 +64,8 @@ CLARK2013_AREAS = MappingProxyType(
     }
 )  # fmt: skip
 
-# Usable signals a minute of auv2Track: "just over 25" at most, "as low as 3" (6.2).
-CLARK2013_SIGNAL_RATES = MappingProxyType({"highest": 25.0, "lowest": 3.0})
+# Usable signals a minute: of the resting tag 30 at most, of the moving one "just over 25", and "as low as 3" (6.2).
+CLARK2013_SIGNAL_RATES = _table(("highest", "lowest"), {"moving tag": (25, 3), "resting tag": (30, math.nan)})
 
 # How often each difference [s] of code 117 from tag 55436 occurred in 105 minutes.
 LIN2013_TABLE_I = MappingProxyType(
@@ -101,6 +101,12 @@ LIN2013_TABLE_IV = _table(
 )
 LIN2013_FIG_8 = MappingProxyType({"mean": 8.46, "σ": 7.82})
 LIN2013_FACTOR = 2.0
+
+# The largest bound [m] (Results, "TDOA tracking"): "< 1 m" inside, so no figure, and "up to 7 m at 250 m off the ... center".
+MASMITJA2020_FIG_2A = MappingProxyType({"inside": math.nan, "250 m off": 7.0})
+
+# Largest error of area-only tracking while the float was down: "then increased up to ~100 m" (Discussion, "AOTT algorithm").
+MASMITJA2020_FIG_3E = 100.0
 
 # The ratios that follow from the simulations of Fig. 3C: TCR / MTR (0.8 "the greatest"), MPR / MTR (300 m over 250 m), and the
 # share of the particles that compound resampling spreads ("AOTT simulations").

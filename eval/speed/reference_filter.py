@@ -1,4 +1,4 @@
-"""The particle filter of Clark et al. 2013 (Algs. 1-4) for one world, in plain numpy and float64, written to be read.
+"""The particle filter of Clark et al. 2013 (Algs. 1 and 2) for one world, in plain numpy and float64, written to be read.
 
 The compiled filter is judged by this one: its posterior has to agree, and its speed is given as a multiple of this
 one's. So it is written as one would write it today with numpy and filterpy, without tricks. It leaves out what the
@@ -70,31 +70,6 @@ class MomentumRandomWalk:
         particles.speed = np.clip(speed, 0.0, self.max_speed)
         particles.heading = particles.heading + self.sigma_heading * scale * rng.standard_normal(n)
         particles.advance(particles.speed * time_step)
-
-
-@dataclass(frozen=True, kw_only=True)
-class BrownianRandomWalk:
-    """Speed and heading are drawn anew in every step (Alg. 3)."""
-
-    max_speed: float = 1.0  # [m/s]
-
-    def move(self, particles: ParticleSet, time_step: float, rng: np.random.Generator) -> None:
-        n = particles.speed.size
-        particles.speed = rng.uniform(0.0, self.max_speed, n)
-        particles.heading = rng.uniform(-math.pi, math.pi, n)
-        particles.advance(particles.speed * time_step)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LevyFlight:
-    """Any direction, and a step length with a Cauchy tail (Alg. 4, Eq. 4). No step is too long; speeds stay."""
-
-    gamma: float = 0.1  # half of all steps are shorter than this [m per s of time step]; the paper tries 1e-3 to 1
-
-    def move(self, particles: ParticleSet, time_step: float, rng: np.random.Generator) -> None:
-        n = particles.speed.size
-        particles.heading = rng.uniform(-math.pi, math.pi, n)
-        particles.advance(self.gamma * time_step * np.abs(rng.standard_cauchy(n)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,7 @@ from tagtrack.envs.sensors.sensor import WEIGH
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.simulation import Simulation
 from tagtrack.eval.speed import reference_filter
+from tests.readable_motions import BrownianRandomWalk, CutLevyFlight
 
 ERRORS = 4.0
 
@@ -79,19 +80,6 @@ def deviation(samples, exact=0.0, others=None):
 # (a) The readable filter in float64.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class CutLevyFlight:
-    """The readable filter's Levy flight, its tail cut as the core's is."""
-
-    gamma: float
-    max_speed: float
-
-    def move(self, particles, time_step, rng):
-        count = particles.speed.size
-        particles.heading = rng.uniform(-math.pi, math.pi, count)
-        particles.advance(time_step * np.minimum(self.gamma * np.abs(rng.standard_cauchy(count)), self.max_speed))
-
-
 def readable(belief, seed, time_step):
     """The readable filter with the parameters of a belief."""
     motion = belief.motion
@@ -100,7 +88,7 @@ def readable(belief, seed, time_step):
             sigma_speed=motion.speed_sigma, sigma_heading=motion.turn_sigma, max_speed=motion.max_speed
         )
     elif isinstance(motion, BrownianWalk):
-        moves = reference_filter.BrownianRandomWalk(max_speed=motion.max_speed)
+        moves = BrownianRandomWalk(max_speed=motion.max_speed)
     else:
         moves = CutLevyFlight(gamma=motion.gamma, max_speed=motion.max_speed)
     parameters = reference_filter.ReferenceFilterParameters(

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,10 +13,39 @@ from tagtrack.eval.papers.document import as_markdown_page, papers_document
 from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size, make_row
 from tagtrack.eval.papers.masmitja2020_field import FIELD
 from tagtrack.eval.papers.pictures import plot_rows
-from tagtrack.eval.papers.registry import EXPERIMENTS
+from tagtrack.eval.papers.registry import EXPERIMENTS, WITHOUT_TWIN
 from tagtrack.eval.plots import empty_figure
 
 KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note", "repeated"]
+
+# Tables of ours that repeat a table or figure of a paper, and all that the papers number.
+REPEATED = {
+    "clark2013": {"Table II", "Table III", "Table IV", "Table V", "Fig. 7 and 8", "Fig. 8"},
+    "lin2013": {"Table I", "Table II", "Table III", "Table IV", "Fig. 6", "Fig. 8", "Fig. 11", "Alg. 2"},
+    "masmitja2020": {"Fig. 2A", "Fig. 3C", "Fig. 3D", "Fig. 3E", "Table 1", "Table S1"},
+}
+NUMBERED = {
+    "clark2013": ["Table I", "Table II", "Table III", "Table IV", "Table V", *(f"Fig. {n}" for n in range(1, 10))],
+    "lin2013": ["Table I", "Table II", "Table III", "Table IV", *(f"Fig. {n}" for n in range(1, 12))],
+    "masmitja2020": ["Table 1", "Table 2", "Table S1", "Fig. 1", "Fig. 4", "Fig. 5", "Fig. 6"]
+    + [f"Fig. S{n}" for n in range(1, 5)] + [f"Fig. 2{panel}" for panel in "ABCDE"] + [f"Fig. 3{panel}" for panel in "ABCDEFGH"],
+}  # fmt: skip
+
+
+def named_in(line):
+    """Tables and figures that a line speaks of: of "Figs. 2B to 2D and S2" Fig. 2B, 2C, 2D and S2."""
+    found = set()
+    number = r"(?:S?\d+[A-H]?|[IV]+)\b"
+    for kind, text in re.findall(rf"(Fig|Table)s?\.? ({number}(?:(?:, | and | to |, Figs\. ){number})*)", line):
+        written = re.split(r", Figs\. |, | and ", text)
+        for part in written:
+            first, _, last = part.partition(" to ")
+            span = [first]
+            while last and span[-1] != last:
+                digits, panel = re.fullmatch(r"(\d+)([A-H]?)", span[-1]).groups()
+                span.append(digits + chr(ord(panel) + 1) if panel else str(int(digits) + 1))
+            found |= {f"{'Fig.' if kind == 'Fig' else 'Table'} {each}" for each in span}
+    return found
 
 
 def row(repetitions, **changes):
@@ -57,6 +87,13 @@ def test_every_experiment_can_tell_its_length(size):
         for experiment in experiments:
             assert experiment.paper == paper
             assert experiment.steps(size) > 0
+
+
+@pytest.mark.parametrize("paper", EXPERIMENTS)
+def test_every_table_and_figure_of_a_paper_is_repeated_or_said_to_be_left_out(paper):
+    assert named_in("Figs. 2B to 2D and S2: so") == {"Fig. 2B", "Fig. 2C", "Fig. 2D", "Fig. S2"}
+    covered = set().union(*map(named_in, (*REPEATED[paper], *WITHOUT_TWIN[paper])))
+    assert set(NUMBERED[paper]) <= covered
 
 
 def test_a_paper_is_a_choice_only_where_an_experiment_has_a_twin():
@@ -160,6 +197,7 @@ def test_an_experiment_tells_its_progress_and_repeats_itself(experiment, request
     assert {found.paper for found in first.rows} == {experiment.paper}
     assert all(found.note and found.unit for found in first.rows)
     assert all(name.startswith(f"{experiment.paper}_") for name in first.figures)
+    assert {found.table.partition(",")[0] for found in first.rows} <= REPEATED[experiment.paper]
     cells = [(found.table, found.row, found.column) for found in first.rows]
     assert len(set(cells)) == len(cells)
     again = experiment.run(Setting(size=SMALL, seed=3, data=data))

@@ -9,6 +9,7 @@ import pytest
 from tagtrack.baselines.registry import make_baseline
 from tagtrack.envs.task import build_task
 from tagtrack.eval import compare
+from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.field.static_array.bound import cramer_rao_bound, root_trace
 from tagtrack.eval.field.static_array.model import ArraySetting, Positions
 from tagtrack.eval.rollout import roll_out, trace, watch_fish
@@ -24,13 +25,13 @@ def test_the_array_meets_the_fish_that_policies_meet(env):
     """Fish and pings depend on the episode alone: neither on what a vehicle does nor on the particles of its belief."""
     task = build_task(env, particles=30, overrides={"episode_steps": 25})
     steered = trace(task, lambda simulation: make_baseline("circle:30", simulation), episodes=3, seed=11)
-    np.testing.assert_array_equal(watch_fish(task, episodes=3, seed=11, batch=2).fish, steered.fish)
+    np.testing.assert_array_equal(watch_fish(task, Episodes(count=3, seed=11, batch=2)).fish, steered.fish)
 
 
 @pytest.mark.parametrize("period", [3.0, 7.0])
 def test_pings_come_at_the_tags_period(task, period):
     task = build_task("LeopardShark-v0", overrides={"episode_steps": 60, "tag.period": period})
-    pinged = watch_fish(task, episodes=20, seed=0).pinged
+    pinged = watch_fish(task, Episodes(count=20, seed=0)).pinged
     assert abs(pinged.mean() - 2.0 / period) < 1 / 60  # steps of 2 s: one ping more or less in an episode
     waits = [np.diff(np.flatnonzero(row)) for row in pinged]
     assert set(np.concatenate(waits)) <= {int(period // 2), int(period // 2) + 1}
@@ -42,7 +43,7 @@ def test_error_in_the_middle_of_the_array_is_the_cramer_rao_bound():
     array = StaticArray()
     bound = root_trace(cramer_rao_bound(np.zeros(2), array.receivers, ArraySetting()))
     assert bound == pytest.approx(1.5)
-    traced = array.trace(task, episodes=100, seed=0)
+    traced = array.trace(task, Episodes(count=100, seed=0))
     assert np.sqrt(np.mean(traced.record.error**2)) == pytest.approx(bound, rel=0.03)
     np.testing.assert_allclose(traced.covariance.mean(axis=(0, 1)), 1.125 * np.eye(2), atol=0.01)
     errors = (traced.estimate - traced.fish).reshape(-1, 2)
@@ -52,8 +53,8 @@ def test_error_in_the_middle_of_the_array_is_the_cramer_rao_bound():
 def test_error_of_a_swimming_fish_follows_the_bound_where_it_is():
     task = build_task("AreaOnly-v0", overrides={"episode_steps": 120})
     array = StaticArray(baseline=600.0)
-    truth = watch_fish(task, episodes=40, seed=5)
-    traced = array.trace(task, episodes=40, seed=5)
+    truth = watch_fish(task, Episodes(count=40, seed=5))
+    traced = array.trace(task, Episodes(count=40, seed=5))
     bound = root_trace(cramer_rao_bound(truth.fish, array.receivers, ArraySetting()))
     inside = truth.pinged & (np.abs(truth.fish).max(axis=2) < 300.0)
     assert inside.sum() > 1000  # mean squares of so many are known to 4 % (one sigma)
@@ -72,16 +73,16 @@ def test_a_position_is_held_until_the_next_ping_that_can_be_located():
 
 
 def test_numbers_do_not_depend_on_the_batch_and_a_single_episode_is_the_same(task):
-    whole = StaticArray().trace(task, episodes=5, seed=3)
-    parts = StaticArray().trace(task, episodes=5, seed=3, batch=2, threads=2)
+    whole = StaticArray().trace(task, Episodes(count=5, seed=3))
+    parts = StaticArray().trace(task, Episodes(count=5, seed=3, batch=2, threads=2))
     np.testing.assert_array_equal(parts.estimate, whole.estimate)
-    np.testing.assert_array_equal(StaticArray().trace(task, episodes=1, seed=7).estimate[0], whole.estimate[4])
+    np.testing.assert_array_equal(StaticArray().trace(task, Episodes(count=1, seed=7)).estimate[0], whole.estimate[4])
     np.testing.assert_array_equal(roll_out(task, StaticArray(), episodes=5, seed=3).error, whole.record.error)
 
 
 def test_a_task_without_a_ping_leaves_the_fish_in_the_middle():
     task = build_task("LeopardShark-v0", overrides={"episode_steps": 3, "tag.period": 1e9})
-    traced = StaticArray().trace(task, episodes=2, seed=0)
+    traced = StaticArray().trace(task, Episodes(count=2, seed=0))
     np.testing.assert_array_equal(traced.estimate, 0.0)
 
 

@@ -70,7 +70,8 @@ def test_tables_of_clark2013(ours, printed):
 
 
 def test_signal_rates_of_clark2013():
-    assert CLARK2013_SIGNAL_RATES == {"highest": 25, "lowest": 3}  # 6.2
+    moving, resting = CLARK2013_SIGNAL_RATES["moving tag"], CLARK2013_SIGNAL_RATES["resting tag"]
+    assert moving == {"highest": 25, "lowest": 3} and resting["highest"] == 30 and math.isnan(resting["lowest"])  # 6.2
 
 
 def test_tables_of_lin2013():

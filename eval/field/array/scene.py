@@ -1,8 +1,8 @@
 """The simulated deployment of Masmitja et al. 2020 (Fig. 2B, S1): receivers, a target that swims among and around them, noise.
 
-The paper shows its trajectory but prints no coordinates; ours likewise enters and leaves the array and passes near receivers. Of
-speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s and 120 s: these are the command's default, as the
-methods list them as the parameters simulated and lobsters are slow.
+The paper shows its trajectory but prints no coordinates (``paper_path`` has those of the authors' program); ours likewise enters
+and leaves the array and passes near receivers. Of speed and tag delay the paper's text says 1 m/s and 60 s, its methods 0.2 m/s
+and 120 s: these are the command's default, as the methods list them as the parameters simulated and lobsters are slow.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ WAYPOINTS = (
     ((-1.1, 0.3), (-0.75, -0.1), (-0.35, -0.3), (0.0, 0.0), (0.3, 0.35), (0.6, 0.55), (0.95, 0.3), (0.9, -0.3))
     + ((0.45, -0.4), (0.1, -0.25), (-0.25, 0.1), (-0.42, 0.45), (-0.1, 0.9), (0.4, 1.0))
 )
-PAPER_POINTS, PAPER_STEP = 19, 60.0  # of the authors' own simulation: so many points, so many metres apart, a ping at each
+# The authors' own simulation, from their published program (github.com/imasmitja/TDOA_algorithms_SR, "TDOA(Sim).py"): corners of
+# the path [m] about receivers 200 m apart, a ping each 60 m, once a minute. Fig. 2B draws it.
+PAPER_CORNERS = ((0.0, 0.0), (0.0, 180.0), (240.0, 180.0), (240.0, -60.0), (-180.0, -60.0))
+PAPER_STEP, PAPER_DELAY = 60.0, 60.0  # [m], [s]
 OUTLIER_FACTOR = 4.0  # of the time of flight (Fig. S2D)
 RANDOM_SPREAD = 0.2  # of the interval, either way: 60-90 s are 75 s +- 20 %
 
@@ -90,6 +93,14 @@ def place_receivers(name: str, baseline: float) -> Floats:
     if name not in ARRAYS:
         raise ValueError(f"unknown array {name!r}; known: {', '.join(ARRAYS)}")
     return baseline * np.array(ARRAYS[name])
+
+
+def paper_path() -> Floats:
+    """Positions (19, 2) [m] of the authors' own simulation."""
+    corner = np.array(PAPER_CORNERS)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corner, axis=0), axis=1))])
+    place = np.arange(0.0, along[-1] + 1.0, PAPER_STEP)
+    return np.stack([np.interp(place, along, coordinate) for coordinate in corner.T], axis=1)
 
 
 def swim(baseline: float, step: float) -> Floats:

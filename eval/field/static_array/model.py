@@ -2,8 +2,8 @@
 
 A ping is a row of arrival times, one for each receiver and NaN where it was not heard. What a ping tells of a position is a
 quadratic form in the arrival residuals (R, R): whatever differences (TDOA) are taken from the arrivals, and whatever their
-covariance, their likelihood is that of the arrivals under one such matrix (``arrival_information``, ``as_arrivals``). A common
-shift of all arrivals, the unknown transmission time, costs nothing: its rows sum to zero.
+covariance, their likelihood is that of the arrivals under one such matrix (``arrival_information``). A common shift of all
+arrivals, the unknown transmission time, costs nothing: its rows sum to zero.
 """
 
 from __future__ import annotations
@@ -65,24 +65,6 @@ def full_pairs(receivers: int) -> Pairs:
     return np.stack(np.triu_indices(receivers, 1), axis=1)
 
 
-def reference_pairs(receivers: int, reference: int = 0) -> Pairs:
-    """Every receiver against one (L-1, 2)."""
-    others = [index for index in range(receivers) if index != reference]
-    return np.array([(index, reference) for index in others], dtype=np.intp).reshape(-1, 2)
-
-
-def differences(arrival: ArrayLike, pairs: Pairs) -> Floats:
-    """Time differences of arrival (..., m) [s], mu^ij = arrival_i - arrival_j (Eq. 1); NaN where either was not heard.
-
-    >>> differences([5.0, 5.25, float("nan")], full_pairs(3))
-    array([-0.25,   nan,   nan])
-    >>> differences([5.0, 5.25, 6.0], reference_pairs(3))
-    array([0.25, 1.  ])
-    """
-    value = np.asarray(arrival, dtype=np.float64)
-    return value[..., pairs[:, 0]] - value[..., pairs[:, 1]]
-
-
 def arrival_information(heard: ArrayLike, sigma: float, pairs: Pairs | None = None) -> Floats:
     """Information (..., R, R) [1/s^2] that pings carry about the differences of their arrivals.
 
@@ -100,33 +82,6 @@ def arrival_information(heard: ArrayLike, sigma: float, pairs: Pairs | None = No
     incidence = _incidence(pairs, count)
     both = mask[..., pairs[:, 0]] * mask[..., pairs[:, 1]]
     return np.einsum("ma,...m,mb->...ab", incidence, both, incidence) / sigma**2
-
-
-def as_arrivals(difference: ArrayLike, pairs: Pairs, covariance: ArrayLike, receivers: int) -> tuple[Floats, Floats]:
-    """Measured differences (TDOA) as arrivals with the same likelihood: the seam for systems that record no arrival times.
-
-    Args:
-        difference: (K, m) [s]; NaN where not measured.
-        pairs: (m, 2). covariance: (m, m) of the differences, R of Eq. 6 [s^2], positive definite.
-    Returns:
-        arrival (K, receivers) [s], NaN for receivers that no measured difference touches; information (K, receivers, receivers).
-    """
-    measured = np.atleast_2d(np.asarray(difference, dtype=np.float64))
-    incidence = _incidence(pairs, receivers)
-    spread = np.asarray(covariance, dtype=np.float64)
-    arrival = np.full((measured.shape[0], receivers), np.nan)
-    information = np.zeros((measured.shape[0], receivers, receivers))
-    patterns, member = np.unique(np.isfinite(measured), axis=0, return_inverse=True)
-    for index, pattern in enumerate(patterns):
-        rows = np.flatnonzero(member.reshape(-1) == index)
-        taken = incidence[pattern]
-        weighted = np.linalg.solve(spread[np.ix_(pattern, pattern)], taken).T if pattern.any() else taken.T
-        matrix = weighted @ taken
-        solution = measured[np.ix_(rows, pattern)] @ (np.linalg.pinv(matrix, hermitian=True) @ weighted).T
-        touched = np.flatnonzero(np.any(taken != 0, axis=0))
-        arrival[np.ix_(rows, touched)] = solution[:, touched]
-        information[rows] = matrix
-    return arrival, information
 
 
 def _incidence(pairs: Pairs, receivers: int) -> Floats:

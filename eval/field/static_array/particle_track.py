@@ -70,7 +70,7 @@ def particle_filter(
         strays = LOST_AFTER
         for k in range(int(located[0]), len(pings.time)):
             begins = strays >= LOST_AFTER and k in located  # with a ping that is taken at its word
-            misfit = _Misfit(pings.arrival[k], known[k], places, setting.sound_speed)
+            misfit = Misfit(pings.arrival[k], known[k], places, setting.sound_speed)
             if begins:
                 cloud, strays = _first_cloud(misfit, places, setting, particles, rng), 0
             else:
@@ -81,7 +81,7 @@ def particle_filter(
     return Positions(position=position, covariance=covariance)
 
 
-class _Misfit:
+class Misfit:
     """Of positions (n, N), minus the log likelihood of a ping: half the quadratic form of its residuals (model.py)."""
 
     def __init__(self, arrival: Floats, information: Floats, places: Floats, sound_speed: float) -> None:
@@ -124,11 +124,9 @@ class _Cloud:
 
 
 def _first_cloud(
-    misfit: _Misfit, places: Floats, setting: ArraySetting, particles: int, rng: np.random.Generator
+    misfit: Misfit, places: Floats, setting: ArraySetting, particles: int, rng: np.random.Generator
 ) -> _Cloud:
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = float((high - low).max())
-    low, high = (low - margin)[:, None], (high + margin)[:, None]
+    low, high = grown_box(places)
 
     def prior(position: Floats, ancestor: Floats) -> Floats:
         return np.where(np.all((position >= low) & (position <= high), axis=0), 0.0, np.inf)
@@ -140,8 +138,15 @@ def _first_cloud(
     return _Cloud(position, np.zeros_like(position), setting.first_speed_sigma**2, log_weight)
 
 
+def grown_box(places: Floats) -> tuple[Floats, Floats]:
+    """Least and largest coordinates (n, 1) [m] of the array's box, grown on every side by its longest side."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = float((high - low).max())
+    return (low - margin)[:, None], (high + margin)[:, None]
+
+
 def _next_cloud(
-    cloud: _Cloud, misfit: _Misfit, interval: float, setting: ArraySetting, stray_share: float, rng: np.random.Generator
+    cloud: _Cloud, misfit: Misfit, interval: float, setting: ArraySetting, stray_share: float, rng: np.random.Generator
 ) -> tuple[_Cloud, bool]:
     """Move by velocity and white acceleration (Eq. 8), weigh, and learn each velocity from the way its particle went.
 

@@ -44,11 +44,6 @@ class Baseline:
     sound_speed: float  # [m/s]
 
     @property
-    def two_way(self) -> bool:
-        """Whether clock offsets cancel in the distance."""
-        return bool(np.isfinite(self.there.seconds + self.back.seconds))
-
-    @property
     def asymmetry(self) -> float:
         """By how much the way there is longer than the way back [m]; NaN for one way alone."""
         return (self.there.seconds - self.back.seconds) * self.sound_speed

@@ -7,14 +7,13 @@ import pytest
 from scipy.signal import fftconvolve
 
 from tagtrack.eval.speed.reference_filter import (
-    BrownianRandomWalk,
-    LevyFlight,
     MomentumRandomWalk,
     ParticleSet,
     ReferenceFilter,
     ReferenceFilterParameters,
     StereoReceiver,
 )
+from tests.readable_motions import BrownianRandomWalk
 
 RECEIVER = StereoReceiver()
 
@@ -91,15 +90,6 @@ def test_brownian_walk_spreads_by_a_sixth_of_its_squared_longest_step():
     # E[v^2] = v_max^2 / 3, half of it along each axis, nine steps: 9 * 4 / 6 = 6.
     np.testing.assert_allclose([particles.x.var(), particles.y.var()], 6.0, rtol=0.04)
     assert abs(particles.x.mean()) < 4 * math.sqrt(6 / 40_000)
-
-
-def test_levy_flight_has_gamma_as_median_step_and_a_heavy_tail():
-    particles = particles_at_origin(40_000)
-    LevyFlight(gamma=0.1).move(particles, 2.0, np.random.default_rng(0))
-    step = np.hypot(particles.x, particles.y)
-    assert np.median(step) == pytest.approx(0.2, rel=0.05)
-    # Half a Cauchy distribution: P(l > 10 gamma) = 1 - 2/pi atan(10) = 6.3 %, a Gaussian of that median has none.
-    assert (step > 2.0).mean() == pytest.approx(0.0635, abs=0.005)
 
 
 def test_the_same_generator_gives_the_same_particles_and_numpys_global_state_is_left_alone():

@@ -145,8 +145,10 @@ def test_the_authors_own_path_has_19_points_60_metres_apart_and_one_late_arrival
     command.check()
     scene, noises = command.make_scene(), command.list_noises()
     assert scene.position.shape == (19, 2) and scene.delay == 60.0
-    ways = np.linalg.norm(np.diff(scene.position, axis=0), axis=1)
-    assert 45.0 < ways.min() and ways.max() < 60.0 + 1e-6  # along the way; chords of bends are shorter
+    np.testing.assert_allclose(np.linalg.norm(np.diff(scene.position, axis=0), axis=1), 60.0)
+    corners = scene.position[[0, 3, 7, 11, 18]].tolist()  # of their program, its receivers at (+-100, +-100)
+    assert corners == [[0, 0], [0, 180], [240, 180], [240, -60], [-180, -60]]
+    assert command.make_setting(scene, noises[0]).first_speed_sigma == 1.0
     assert [noise.label for noise in noises][-1] == "1.5 ms, one 0.1 s late"
     flight = np.linalg.norm(scene.position[:, None] - scene.receivers, axis=-1) / 1500
     pings = scene.draw_pings(Noise(sigma=1e-9, late=0.1), np.random.default_rng(0))
