@@ -221,13 +221,20 @@ AREA_ONLY = Scenario(
 )
 
 # Vehicles that are no faster than the fish, as gliders and surface drifters are: a wrong turn is not made good again. One after a
-# fish of its own speed, and two that must share out four.
+# fish of its own speed, two that must share out four, and one that has ranges alone, of which its own path makes positions.
 GLIDER = Scenario(
     vehicle=Vehicle(max_speed=0.8),
     fish=MomentumRandomWalk(speed_sigma=0.05, turn_sigma=0.15, max_speed=0.8),
     belief=Belief(motion=MomentumRandomWalk(speed_sigma=0.06, turn_sigma=0.2, max_speed=0.9)),
 )
 GLIDER_PAIR = Scenario(vehicles=2, targets=4, vehicle=Vehicle(max_speed=0.5))
+RANGE_ONLY_GLIDER = replace(
+    RANGE_ONLY,
+    vehicle=replace(RANGE_ONLY.vehicle, max_speed=0.5),
+    fish=replace(RANGE_ONLY.fish, max_speed=0.2),
+    start=replace(RANGE_ONLY.start, farthest=250.0),
+    belief=replace(RANGE_ONLY.belief, motion=replace(RANGE_ONLY.belief.motion, max_speed=0.25)),
+)
 
 SCENARIOS = {
     "TagTrack/LeopardShark-v0": Scenario(),
@@ -236,6 +243,7 @@ SCENARIOS = {
     "TagTrack/GliderPair-v0": GLIDER_PAIR,
     "TagTrack/TimeOfFlight-v0": TIME_OF_FLIGHT,
     "TagTrack/RangeOnly-v0": RANGE_ONLY,
+    "TagTrack/RangeOnlyGlider-v0": RANGE_ONLY_GLIDER,
     "TagTrack/AreaOnly-v0": AREA_ONLY,
     "TagTrack/AreaOnlyUnknownRange-v0": replace(
         AREA_ONLY,

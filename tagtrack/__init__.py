@@ -28,6 +28,7 @@ _TASKS = {
     "TagTrack/GliderPair-v0": "tagtrack.envs.single:TagTrackEnv",
     "TagTrack/TimeOfFlight-v0": "tagtrack.envs.time_of_flight:TimeOfFlightEnv",
     "TagTrack/RangeOnly-v0": "tagtrack.envs.range_only:RangeOnlyEnv",
+    "TagTrack/RangeOnlyGlider-v0": "tagtrack.envs.range_only:RangeOnlyEnv",
     "TagTrack/AreaOnly-v0": "tagtrack.envs.area_only:AreaOnlyEnv",
     "TagTrack/AreaOnlyUnknownRange-v0": "tagtrack.envs.area_only:AreaOnlyEnv",
 }

@@ -63,6 +63,7 @@ SETTINGS: dict[tuple[str, str], Settings] = {
     # a farther horizon paid.
     ("TagTrack/Glider-v0", "ppo"): PPOSettings(steps=10_000_000, rollout=16384, batch_size=4096, gamma=0.99, width=128),
     ("TagTrack/RangeOnly-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
+    ("TagTrack/RangeOnlyGlider-v0", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.98),
     ("masmitja2023", "ppo"): PPOSettings(steps=6_000_000, rollout=16384, batch_size=4096, gamma=0.99),
     ("utracking_medium", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
     ("utracking_hard", "ppo"): PPOSettings(steps=1_000_000, gamma=0.98),
