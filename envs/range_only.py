@@ -16,7 +16,7 @@ class RangeOnlyEnv(TagTrackEnv):
     from right above it, where the range is all depth. One step is 10 s, an episode an hour.
 
     * ``TagTrack/RangeOnly-v0``: keep the localization error low.
-    * ``TagTrack/RangeOnlyGlider-v0``: the same with a vehicle of 0.5 m/s and a fish of up to 0.2 m/s, at most 250 m away at first.
+    * ``TagTrack/RangeOnlyGlider-v0``: a vehicle of 0.5 m/s, a fish of up to 0.2 m/s, at most 250 m away at first.
 
     ## Presets
 
