@@ -30,7 +30,7 @@ def estimate_sigma(pings: Pings, receivers: ArrayLike, setting: ArraySetting, in
     if rows.size < LEAST_PINGS:
         return None
     rows = rows[:: -(-rows.size // MOST_PINGS)]
-    part = Pings(time=pings.time[rows], arrival=pings.arrival[rows])
+    part = pings.take(rows)
     position = wls_ml(part, receivers, setting, information=None if information is None else information[rows]).position
     cost = likelihood.take(rows).cost(position)
     ratio = 2.0 * cost / chdtri(spare[rows], 0.5)
