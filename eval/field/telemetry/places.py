@@ -20,7 +20,7 @@ from tagtrack.envs.csv_table import CsvTable, Row, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.field.static_array.detections import Floats, shorten
 from tagtrack.eval.field.static_array.travel import SyncTag
-from tagtrack.eval.field.telemetry.layouts import utc_seconds
+from tagtrack.eval.field.telemetry.stamps import name_days, utc_seconds
 from tagtrack.live.plane import Plane, check_geodetic, degree_columns, position_columns
 
 Pair = tuple[str, str]
@@ -170,7 +170,7 @@ def _new_period(row: Row, columns: tuple[str, str], serial: str, earlier: Sequen
             times.append(open_end)
             continue
         try:
-            times.append(float(text) if text.replace(".", "", 1).isdigit() else _seconds_of(text))
+            times.append(_seconds_of(text))
         except ValueError as error:
             raise ValueError(f"{row.where}: {column}: {error}") from None
     start, stop = times
@@ -182,6 +182,11 @@ def _new_period(row: Row, columns: tuple[str, str], serial: str, earlier: Sequen
 
 
 def _seconds_of(text: str) -> float:
+    """Seconds since 1970 of a number of them, a date or a stamp. Raises ValueError for what is none, or a number of days."""
+    if text.replace(".", "", 1).isdigit():
+        if days := name_days(float(text), float(text)):
+            raise ValueError(f"{text} looks like {days}, not seconds since 1970; give a date, as 2024-05-01")
+        return float(text)
     return float(utc_seconds([f"{text} 00:00:00" if len(text) == len("2019-09-09") else text])[0])
 
 
