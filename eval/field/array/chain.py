@@ -9,58 +9,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tagtrack.eval.field.array.depth import TagHeight, require_depths
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.sound import SoundSpeed
 from tagtrack.eval.field.static_array.averaging import average_pings, number_by_count, number_by_time
 from tagtrack.eval.field.static_array.consensus import agree
-from tagtrack.eval.field.static_array.detections import Detections
+from tagtrack.eval.field.static_array.detections import Detections, time_resolution
 from tagtrack.eval.field.static_array.likelihood import make_likelihood
-from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible
+from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible, usual_interval
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
-from tagtrack.eval.field.static_array.noise import estimate_sigma
+from tagtrack.eval.field.static_array.noise import ROUNDING, estimate_sigma
 from tagtrack.eval.field.static_array.registry import SMOOTHING, Estimator, locate
 from tagtrack.eval.field.static_array.two_places import other_places
 
 HARDY = ("pf", "yaps")  # methods that weigh arrivals which disagree by themselves
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
-
-
-@dataclass(frozen=True, kw_only=True)
-class Located:
-    """One tag: K rows of positions, each of one ping or of several averaged."""
-
-    tag: str
-    heard: int  # pings, by at least one receiver
-    pings: Pings  # K rows with their arrivals
-    count: NDArray[np.int64]  # (K,) pings in each row
-    positions: Positions  # NaN where not located
-    sigma: float  # of an arrival [s]
-    removed: int  # arrivals that no place explains, or that disagree with the others
-    misfit: Floats  # (K,) root of the cost per spare arrival, 1 as expected; NaN where none is to spare
-    other: Floats  # (K, n) another place that explains the ping as well [m]; NaN where there is none
-    other_covariance: Floats  # (K, n, n) of that [m^2]
-    without_height: int = 0  # pings left out, where heights are known of some
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        """(K,) bool: which rows have a position."""
-        return np.asarray(np.isfinite(self.positions.position).all(axis=1))
-
-    @property
-    def ambiguous(self) -> NDArray[np.bool_]:
-        """(K,) bool: which rows have another place."""
-        return np.asarray(np.isfinite(self.other).all(axis=1))
-
-    @property
-    def sd(self) -> Floats:
-        """(K, n) standard deviations [m] along x and y, and z where it is estimated."""
-        return np.sqrt(np.diagonal(self.positions.covariance, axis1=1, axis2=2))
-
-    @property
-    def height(self) -> Floats | None:
-        """(K,) of the tag [m], estimated or known; None where positions are in a plane."""
-        if self.positions.position.shape[1] == 3:
-            return self.positions.position[:, 2]
-        return self.pings.height
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +103,8 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
     """Match, clean, average and locate the pings of one tag; ``receivers`` (R, n) [m] in the order of the detections'."""
     sound, method, averaging = locating.sound, locating.method, locating.averaging
     speed = sound.usual
-    matched = match_pings(detections, array_window(receivers, speed))
+    window = array_window(receivers, speed)
+    matched = match_pings(detections, window)
     heard, least = len(matched.pings.time), least_receivers(receivers, locating)
     cleaned = remove_impossible(replace(matched, pings=sound.level(matched.pings)), receivers, speed)
     pings = _with_height(cleaned.pings, tag, locating.height)
@@ -151,7 +114,9 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
         sound_speed=speed, sigma=locating.sigma or USUAL_SIGMA, acceleration_sigma=locating.acceleration
     )
     if locating.sigma is None:
-        setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)
+        step = time_resolution(detections.time)
+        found = estimate_sigma(pings, receivers, setting, step=step)
+        setting = replace(setting, sigma=found or max(USUAL_SIGMA, step * ROUNDING))
     agreement = agree(pings, receivers, setting)
     misfit, dropped = agreement.misfit, 0
     if method not in HARDY:
@@ -187,6 +152,8 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
         other=other,
         other_covariance=other_covariance,
         without_height=without_height,
+        interval=usual_interval(detections),
+        crossing=array_window(receivers, speed, margin=0.0),
     )
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.eval.field.array.chain import Averaging, Located
+from tagtrack.eval.field.array.chain import Averaging
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.array.reading import describe_plane
@@ -85,6 +86,8 @@ class Locate:
             "versions": collect_versions(),
         }
         print_summary(document, plane)
+        for remark in [remark for each in located for remark in each.remarks]:
+            print(f"note: {remark}")
         with replace_results(self.out, OWN_FILES) as folder:
             columns = ",".join([COLUMNS, *([DEPTH_COLUMNS] if self.source.depth else []), *(["lon,lat"] if plane else [])])
             (folder / "positions.csv").write_text("\n".join([columns, *position_rows(located, plane), ""]), encoding="utf-8")
@@ -126,6 +129,7 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     if located.height is not None:
         figures["median_z"] = float(np.median(located.height[known])) if known.any() else None
         figures["without_depth"] = located.without_height
+    figures["interval_s"] = located.interval
     ambiguous = int(located.ambiguous[known].sum())
     return {**figures, "ambiguous": ambiguous, "sigma_s": located.sigma, "arrivals_removed": located.removed}
 
@@ -193,8 +197,6 @@ def print_summary(document: dict[str, Any], plane: Plane | None = None) -> None:
                 f"note: nothing of {tag} was located, though {figures['heard']} pings were heard: too few receivers heard one "
                 "ping, or their clocks differ by more than sound takes across the array; see `array sync`"
             )
-        if figures.get("without_depth"):
-            print(f"note: {figures['without_depth']} pings of {tag} are left out: no depth was read within ten minutes of them")
         if figures["ambiguous"]:
             share = f"{figures['ambiguous']} of {figures['located']} positions of {tag}"
             print(f"note: {share} have another place that fits as well, other_x,other_y in positions.csv")

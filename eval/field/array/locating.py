@@ -10,8 +10,9 @@ from typing import Annotated
 
 import tyro
 
-from tagtrack.eval.field.array.chain import Averaging, Located, Locating, locate_tags
+from tagtrack.eval.field.array.chain import Averaging, Locating, locate_tags
 from tagtrack.eval.field.array.depth import TagHeight, read_tag_height
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.reading import by_deployment, fit_names, read_aloud
 from tagtrack.eval.field.array.sound import SoundSpeed, read_sound_speed
 from tagtrack.eval.field.static_array.detections import Detections, shorten

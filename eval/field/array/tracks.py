@@ -12,7 +12,7 @@ import rich
 import tyro
 
 from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
-from tagtrack.eval.field.array.chain import Located
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.static_array.choosing import choose_places
@@ -100,9 +100,11 @@ class Tracks:
         detections = self.source.read(places)
         tags = self.source.tags or detections.tags
         animals: list[Animal] = []
+        remarks: list[str] = []
         with progress_bar(len(tags), "tags") as advance:
             for located in self.source.locate(detections, places):
                 animals.append(self.follow(located))
+                remarks += located.remarks
                 advance(located.tag, 1)
         found = [animal for animal in animals if animal.stretches]
         if not found:
@@ -121,6 +123,8 @@ class Tracks:
             "versions": collect_versions(),
         }
         print_animals(document)
+        for remark in remarks:
+            print(f"note: {remark}")
         with replace_results(self.out, OWN_FILES) as folder:
             tracks = {animal.tag: animal.track for animal in found}
             covariance = {animal.tag: animal.covariance for animal in found}
