@@ -103,8 +103,7 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
     """Match, clean, average and locate the pings of one tag; ``receivers`` (R, n) [m] in the order of the detections'."""
     sound, method, averaging = locating.sound, locating.method, locating.averaging
     speed = sound.usual
-    window = array_window(receivers, speed)
-    matched = match_pings(detections, window)
+    matched = match_pings(detections, array_window(receivers, speed))
     heard, least = len(matched.pings.time), least_receivers(receivers, locating)
     cleaned = remove_impossible(replace(matched, pings=sound.level(matched.pings)), receivers, speed)
     pings = _with_height(cleaned.pings, tag, locating.height)

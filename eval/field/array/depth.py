@@ -6,7 +6,7 @@ Files and options tell depths, downwards, as people do; positions have z, upward
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ THINNEST = 1e-3  # spread of receivers across the plane nearest to them, over th
 class TagHeight:
     """Heights [m] of tags over time, by tag: rising times (M,) [s] and z (M,) of what a sensor told; one alone holds always."""
 
-    of: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    of: Mapping[str, tuple[Floats, Floats]]
 
     def at(self, tag: str, time: Floats) -> Floats:
         """(K,) [m] at times (K,) [s]: on lines between readings, NaN where none is within ten minutes.

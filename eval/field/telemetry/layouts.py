@@ -162,8 +162,9 @@ def recognize(table: CsvTable) -> DetectionFile:
         return DetectionFile(table, layout, None)
     if len(table.columns) == 1 and ";" in table.columns[0]:
         raise ValueError(f"{table.path}: fields are divided by semicolons; save it as csv with commas, and points in numbers")
-    local = [name for name in table.columns if is_time(name) and _plain(name) not in (*TIMES, *CORRECTED_TIMES)]
-    if local and any(_plain(name) in RECEIVERS for name in table.columns):
+    plain = {_plain(name) for name in table.columns}
+    local = [name for name in table.columns if is_time(name) and _plain(name) not in (*CORRECTED_TIMES, *ZONES)]
+    if local and plain & set(RECEIVERS) and not plain & set(TIMES):
         raise ValueError(
             f"{table.path}: line 1: {local[0]!r} may be in a local time zone, which summer time shifts; export times in UTC, as "
             f"{VUE.time!r}, or name the offset, as 'Date and Time (UTC-05:00)'"

@@ -11,6 +11,8 @@ import pytest
 
 from tagtrack.eval.cli import main
 from tagtrack.eval.field import Detections, Locating, locate_tags
+from tagtrack.eval.field.array.depth import TagHeight
+from tagtrack.eval.field.static_array.registry import METHODS
 
 PLACES = {"A": (0, 0, -5), "B": (200, 0, -30), "C": (200, 200, -8), "D": (0, 200, -35), "E": (100, 90, -20), "F": (30, 120, -2)}
 COUNT = 120
@@ -128,16 +130,36 @@ def test_a_column_of_depths_changes_nothing_where_depth_is_not_asked_for(array: 
     assert (tmp_path / "out" / "positions.csv").read_text() == with_depths and ",z," not in with_depths
 
 
-def test_the_function_takes_places_in_space_and_a_height() -> None:
-    time, fish, arrival = hear(sigma=1e-6)
-    count = len(PLACES)
-    heard = Detections(
-        time=arrival[:5].ravel(),
-        receiver=np.tile(np.arange(count, dtype=np.int32), 5),
-        tag=np.zeros(5 * count, np.int32),
+def detections(arrival: np.ndarray) -> Detections:
+    """Every receiver heard every ping; the pings are farther apart than the array is wide."""
+    order = np.argsort(arrival, axis=1)
+    return Detections(
+        time=np.take_along_axis(arrival, order, axis=1).ravel(),
+        receiver=order.astype(np.int32).ravel(),
+        tag=np.zeros(arrival.size, np.int32),
         receivers=tuple(PLACES),
         tags=("fish",),
     )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_estimator_takes_slant_ranges_at_a_height_that_is_known(method: str) -> None:
+    """A fish at 23 m right below a receiver at 2 m: in the plane its ranges would be metres off."""
+    time, _, _ = hear()
+    fish = np.column_stack([np.linspace(20, 60, COUNT), np.full(COUNT, 120.0), np.full(COUNT, -23.0)])
+    distance = np.linalg.norm(fish[:, None] - np.array(list(PLACES.values()), float), axis=2)
+    noise = 2e-4 * np.random.default_rng(0).normal(size=distance.shape)
+    heard = detections(time[:, None] + distance / 1500.0 + noise)
+    height = TagHeight(of={"fish": (time, fish[:, 2])})
+    [found] = locate_tags(heard, PLACES, Locating(method=method, height=height, acceleration=3e-3))
+    miss = found.positions.position - fish[:, :2]
+    squared = np.einsum("ki,kij,kj->k", miss, np.linalg.inv(found.positions.covariance), miss)
+    assert np.median(np.hypot(*miss.T)) < 0.5 and 0.4 < squared.mean() / 2 < 1.6
+
+
+def test_the_function_takes_places_in_space_and_a_height() -> None:
+    _, fish, arrival = hear(sigma=1e-6)
+    heard = detections(arrival[:5])
     [free] = locate_tags(heard, PLACES)
     assert np.abs(free.positions.position - fish[:5]).max() < 0.05
     [known] = locate_tags(heard, PLACES, Locating(height=float(fish[0, 2])))

@@ -165,6 +165,7 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
         (gzip.compress(OWN.encode())[:-12], ": damaged gzip file after line "),
         (gzip.compress(OWN.encode())[:20] + bytes(40), ": damaged gzip file after line 0"),
         (VUE.replace("(UTC)", "(EST)"), ": line 1: 'Date and Time (EST)' may be in a local time zone"),
+        ("receiver,datecollected,timezone\n7,2024-05-01 10:00:00,UTC\n", ": line 1 must name the columns t_unix_s,receiver,tag"),
         (VUE.replace("(UTC)", "(Local)"), "export times in UTC, as 'Date and Time (UTC)', or name the offset"),
         (GLATOS.replace("timestamp_utc", "timestamp_local"), ": line 1: 'detection_timestamp_local' may be in a local time zone"),
         (VUE.replace("2019-09-09 16:04:12.574", "9/9/2019 16:04"), ": line 3: the time has no seconds, as a spreadsheet"),
