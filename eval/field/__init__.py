@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from tagtrack.envs.lazy import lazily
 
 if TYPE_CHECKING:
-    from tagtrack.eval.field.array.chain import Averaging, Located, Locating, locate_tags
+    from tagtrack.eval.field.array.chain import Averaging, Locating, locate_tags
+    from tagtrack.eval.field.array.located import Located
     from tagtrack.eval.field.array.sound import read_sound_speed
     from tagtrack.eval.field.static_array.clock_model import correct
     from tagtrack.eval.field.static_array.clocks import SyncSetting, SyncTag, synchronize
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from tagtrack.eval.field.telemetry import read_detections, read_receivers, read_sync_tags
 
 _HOMES = {
-    "array.chain": ("Averaging", "Located", "Locating", "locate_tags"),
+    "array.chain": ("Averaging", "Locating", "locate_tags"),
+    "array.located": ("Located",),
     "array.sound": ("read_sound_speed",),
     "static_array.clock_model": ("correct",),
     "static_array.clocks": ("SyncSetting", "SyncTag", "synchronize"),

@@ -8,50 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tagtrack.eval.field.array.depth import TagHeight, require_depths
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.sound import SoundSpeed
 from tagtrack.eval.field.static_array.averaging import average_pings, number_by_count, number_by_time
 from tagtrack.eval.field.static_array.consensus import agree
-from tagtrack.eval.field.static_array.detections import Detections
+from tagtrack.eval.field.static_array.detections import Detections, time_resolution
 from tagtrack.eval.field.static_array.likelihood import make_likelihood
-from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible
+from tagtrack.eval.field.static_array.matching import array_window, match_pings, remove_impossible, usual_interval
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
-from tagtrack.eval.field.static_array.noise import estimate_sigma
-from tagtrack.eval.field.static_array.registry import Estimator, locate
+from tagtrack.eval.field.static_array.noise import ROUNDING, estimate_sigma
+from tagtrack.eval.field.static_array.registry import SMOOTHING, Estimator, locate
 from tagtrack.eval.field.static_array.two_places import other_places
 
 HARDY = ("pf", "yaps")  # methods that weigh arrivals which disagree by themselves
 USUAL_SIGMA = 1e-3  # of an arrival [s], where the pings do not tell
-
-
-@dataclass(frozen=True, kw_only=True)
-class Located:
-    """One tag: K rows of positions, each of one ping or of several averaged."""
-
-    tag: str
-    heard: int  # pings, by at least one receiver
-    pings: Pings  # K rows with their arrivals
-    count: NDArray[np.int64]  # (K,) pings in each row
-    positions: Positions  # NaN where not located
-    sigma: float  # of an arrival [s]
-    removed: int  # arrivals that no place explains, or that disagree with the others
-    misfit: Floats  # (K,) root of the cost per spare arrival, 1 as expected; NaN where none is to spare
-    other: Floats  # (K, 2) another place that explains the ping as well [m]; NaN where there is none
-    other_covariance: Floats  # (K, 2, 2) of that [m^2]
-
-    @property
-    def known(self) -> NDArray[np.bool_]:
-        """(K,) bool: which rows have a position."""
-        return np.asarray(np.isfinite(self.positions.position).all(axis=1))
-
-    @property
-    def ambiguous(self) -> NDArray[np.bool_]:
-        """(K,) bool: which rows have another place."""
-        return np.asarray(np.isfinite(self.other).all(axis=1))
-
-    @property
-    def sd(self) -> Floats:
-        """(K, 2) standard deviations [m] along x and y."""
-        return np.sqrt(np.diagonal(self.positions.covariance, axis1=1, axis2=2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +51,7 @@ class Locating:
     min_receivers: int = 3  # that must have heard a ping
     max_sd: float = 100.0  # positions less certain than this in the worse direction are NaN [m]
     averaging: Averaging | None = None  # None: a position for each ping
+    height: float | TagHeight | None = None  # of the tags above the receivers' zero [m], where it is known
 
     @property
     def sound(self) -> SoundSpeed:
@@ -100,11 +72,12 @@ def locate_tags(
 
     Args:
         detections: on corrected clocks, in order of time (``read_detections``; ``synchronize`` and ``correct`` for raw clocks).
-        receivers: places (2,) [m] by name; detections by others are left out.
+        receivers: places (2,) [m] by name; detections by others are left out. With a third coordinate, upwards, positions are
+            in space, or, at a known ``height``, horizontal.
         tags: to locate; all by default.
     Raises:
-        ValueError: for a tag that nobody heard, fewer than three receivers with places, all in one place, or a method that does
-            not exist or returns other shapes than it should.
+        ValueError: for a tag that nobody heard, fewer than three receivers with places (four in space), all in one place or, in
+            space, in one plane, or a method that does not exist or returns other shapes than it should.
 
     >>> from tagtrack.eval.field import Detections, locate_tags
     >>> places = {"N": (0.0, 100.0), "S": (0.0, -100.0), "E": (100.0, 0.0), "W": (-100.0, 0.0)}
@@ -117,37 +90,42 @@ def locate_tags(
     array([[30., 20.]])
     """
     known = [name for name in detections.receivers if name in receivers]
-    place = check_receivers(np.array([receivers[name] for name in known], np.float64).reshape(len(known), -1))
+    locating = locating or Locating()
+    place = _check_places(np.array([receivers[name] for name in known], np.float64).reshape(len(known), -1), locating)
     number = np.array([known.index(name) if name in known else -1 for name in detections.receivers], np.int32)
     fitted = replace(detections, receiver=number[detections.receiver], receivers=tuple(known))
     fitted = fitted.take(fitted.receiver >= 0)
     for tag in tags or detections.tags:
-        yield locate_tag(fitted.of_tag(tag), tag, place, locating or Locating())
+        yield locate_tag(fitted.of_tag(tag), tag, place, locating)
 
 
 def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Locating) -> Located:
-    """Match, clean, average and locate the pings of one tag; ``receivers`` (R, 2) [m] in the order of the detections'."""
+    """Match, clean, average and locate the pings of one tag; ``receivers`` (R, n) [m] in the order of the detections'."""
     sound, method, averaging = locating.sound, locating.method, locating.averaging
     speed = sound.usual
     matched = match_pings(detections, array_window(receivers, speed))
-    heard = len(matched.pings.time)
+    heard, least = len(matched.pings.time), least_receivers(receivers, locating)
     cleaned = remove_impossible(replace(matched, pings=sound.level(matched.pings)), receivers, speed)
-    pings = cleaned.pings if averaging else _of_at_least(cleaned.pings, locating.min_receivers)
+    pings = _with_height(cleaned.pings, tag, locating.height)
+    without_height = len(cleaned.pings.time) - len(pings.time)
+    pings = pings if averaging else _of_at_least(pings, least)
     setting = ArraySetting(
         sound_speed=speed, sigma=locating.sigma or USUAL_SIGMA, acceleration_sigma=locating.acceleration
     )
     if locating.sigma is None:
-        setting = replace(setting, sigma=estimate_sigma(pings, receivers, setting) or USUAL_SIGMA)
+        step = time_resolution(detections.time)
+        found = estimate_sigma(pings, receivers, setting, step=step)
+        setting = replace(setting, sigma=found or max(USUAL_SIGMA, step * ROUNDING))
     agreement = agree(pings, receivers, setting)
     misfit, dropped = agreement.misfit, 0
     if method not in HARDY:
         pings, dropped = agreement.pings, agreement.dropped
         if not averaging:
-            misfit = misfit[_heard_by(pings, locating.min_receivers)]
-            pings = _of_at_least(pings, locating.min_receivers)
+            misfit = misfit[_heard_by(pings, least)]
+            pings = _of_at_least(pings, least)
     information, count = None, np.ones(len(pings.time), dtype=np.int64)
     if averaging:
-        blocks = average_pings(pings, averaging.number(pings, locating.min_receivers), setting.sigma, averaging.systematic)
+        blocks = average_pings(pings, averaging.number(pings, least), setting.sigma, averaging.systematic)
         pings, information, count = blocks.pings, blocks.information, blocks.count
         misfit = np.full(len(pings.time), np.nan)
     positions = locate(method, pings, receivers, setting, information=information, robust=averaging is None)
@@ -156,8 +134,11 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
     positions = _certain(positions, locating.max_sd)
     other, other_covariance = np.full_like(positions.position, np.nan), np.full_like(positions.covariance, np.nan)
     if not averaging:
-        other = other_places(pings, receivers, setting, positions.position, positions.covariance)
-        other_covariance = make_likelihood(pings, receivers, setting).positions(other).covariance
+        alone = make_likelihood(pings, receivers, setting)
+        # A track knows more of a position than its ping does: another place of the ping lies beyond what the ping itself knows.
+        spread = alone.positions(positions.position).covariance if method in SMOOTHING else positions.covariance
+        other = other_places(pings, receivers, setting, positions.position, spread)
+        other_covariance = alone.positions(other).covariance
     return Located(
         tag=tag,
         heard=heard,
@@ -169,7 +150,30 @@ def locate_tag(detections: Detections, tag: str, receivers: Floats, locating: Lo
         misfit=misfit,
         other=other,
         other_covariance=other_covariance,
+        without_height=without_height,
+        interval=usual_interval(detections),
+        crossing=array_window(receivers, speed, margin=0.0),
     )
+
+
+def least_receivers(receivers: Floats, locating: Locating) -> int:
+    """That must have heard a ping: as many as are wanted, and as a position takes."""
+    dimensions = 2 if locating.height is not None else receivers.shape[1]
+    return max(locating.min_receivers, dimensions + 1)
+
+
+def _check_places(receivers: Floats, locating: Locating) -> Floats:
+    if locating.height is None and receivers.shape[1] == 3:
+        require_depths(check_receivers(receivers))
+    return receivers if locating.height is not None else check_receivers(receivers)
+
+
+def _with_height(pings: Pings, tag: str, height: float | TagHeight | None) -> Pings:
+    """The pings at which the tag's height is known, with it; all where it is not asked for."""
+    if height is None:
+        return pings
+    known = np.full(len(pings.time), height) if isinstance(height, int | float) else height.at(tag, pings.time)
+    return replace(pings, height=known).take(np.isfinite(known))
 
 
 def widen(positions: Positions, misfit: Floats) -> Positions:
@@ -179,8 +183,7 @@ def widen(positions: Positions, misfit: Floats) -> Positions:
 
 
 def _of_at_least(pings: Pings, receivers: int) -> Pings:
-    kept = _heard_by(pings, receivers)
-    return Pings(time=pings.time[kept], arrival=pings.arrival[kept])
+    return pings.take(_heard_by(pings, receivers))
 
 
 def _heard_by(pings: Pings, receivers: int) -> NDArray[np.bool_]:

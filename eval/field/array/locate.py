@@ -11,7 +11,8 @@ import numpy as np
 import rich
 import tyro
 
-from tagtrack.eval.field.array.chain import Averaging, Located
+from tagtrack.eval.field.array.chain import Averaging
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.array.reading import describe_plane
@@ -24,6 +25,7 @@ from tagtrack.eval.versions import collect_versions
 
 OWN_FILES = ("positions.csv", "summary.json", "map.png")
 COLUMNS = "tag,t_unix_s,x,y,sd_x,sd_y,receivers,pings,cov_xy,misfit,ambiguous,other_x,other_y"
+DEPTH_COLUMNS = "z,sd_z,cov_xz,cov_yz,other_z"  # with --depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,8 @@ class Locate:
 
     Writes positions.csv (one row for each ping, or for each AVERAGE of them), summary.json and map.png. Clocks must agree: see
     `array sync`. Times that were rounded (to 10 ms in some exports) want --average 30 to 100. Where --receivers is in degrees,
-    positions.csv has lon,lat too, and x,y are metres east and north of the origin that summary.json names.
+    positions.csv has lon,lat too, and x,y are metres east and north of the origin that summary.json names. With --depth it has
+    z [m, upwards]; where depths were given, their errors are taken as none.
     """
 
     source: LocateOptions
@@ -75,6 +78,7 @@ class Locate:
             "average_hours": self.average_hours,
             "min_receivers": self.source.min_receivers,
             "max_sd_m": self.source.max_sd,
+            "depth": self.source.depth,
             "detections": [str(path) for path in self.source.detections],
             "receivers": str(self.source.receivers),
             "reference": str(self.reference) if self.reference is not None else None,
@@ -82,8 +86,10 @@ class Locate:
             "versions": collect_versions(),
         }
         print_summary(document, plane)
+        for remark in [remark for each in located for remark in each.remarks]:
+            print(f"note: {remark}")
         with replace_results(self.out, OWN_FILES) as folder:
-            columns = f"{COLUMNS},lon,lat" if plane else COLUMNS
+            columns = ",".join([COLUMNS, *([DEPTH_COLUMNS] if self.source.depth else []), *(["lon,lat"] if plane else [])])
             (folder / "positions.csv").write_text("\n".join([columns, *position_rows(located, plane), ""]), encoding="utf-8")
             write_json(folder / "summary.json", document)
             clouds = [_cloud(each) for each in located]
@@ -103,8 +109,8 @@ def _cloud(located: Located) -> Cloud:
     known = located.known
     return Cloud(
         name=located.tag,
-        position=located.positions.position[known],
-        covariance=located.positions.covariance[known],
+        position=located.positions.position[known, :2],
+        covariance=located.positions.covariance[known, :2, :2],
         doubtful=located.ambiguous[known],
     )
 
@@ -112,7 +118,7 @@ def _cloud(located: Located) -> Cloud:
 def summarize_tag(located: Located, reference: Reference | None) -> dict[str, Any]:
     """What summary.json tells of a tag; null where nothing was located or there is no reference."""
     known = located.known
-    position, count = located.positions.position[known], located.count[known]
+    position, count = located.positions.position[known, :2], located.count[known]
     figures: dict[str, Any] = {"heard": located.heard, "located": int(count.sum()), "rows": int(known.sum())}
     error = np.linalg.norm(position - true_places(located, reference), axis=1)
     error = error[np.isfinite(error)]
@@ -120,6 +126,10 @@ def summarize_tag(located: Located, reference: Reference | None) -> dict[str, An
     figures["rmse_m"] = float(np.sqrt(np.mean(error**2))) if error.size else None
     mean = np.average(position, axis=0, weights=count) if known.any() else (None, None)
     figures["mean_x"], figures["mean_y"] = (None if value is None else float(value) for value in mean)
+    if located.height is not None:
+        figures["median_z"] = float(np.median(located.height[known])) if known.any() else None
+        figures["without_depth"] = located.without_height
+    figures["interval_s"] = located.interval
     ambiguous = int(located.ambiguous[known].sum())
     return {**figures, "ambiguous": ambiguous, "sigma_s": located.sigma, "arrivals_removed": located.removed}
 
@@ -131,15 +141,25 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
         heard = each.pings.heard.sum(axis=1)
         sd, ambiguous = each.sd, each.ambiguous
         rows = np.flatnonzero(each.known)
-        degrees = plane.to_geodetic(each.positions.position[rows]) if plane else np.empty((rows.size, 0))
+        degrees = plane.to_geodetic(each.positions.position[rows, :2]) if plane else np.empty((rows.size, 0))
         for k, place in zip(rows, degrees, strict=True):
-            (x, y), (sd_x, sd_y) = each.positions.position[k], sd[k]
+            (x, y), (sd_x, sd_y) = each.positions.position[k, :2], sd[k, :2]
             line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
             line += f",{each.positions.covariance[k, 0, 1]:.4f}"
             misfit, *other = ("" if np.isnan(value) else f"{value:.3f}" for value in (each.misfit[k], *each.other[k]))
-            line += "".join(f",{text}" for text in (misfit, f"{ambiguous[k]:d}", *other))
+            line += "".join(f",{text}" for text in (misfit, f"{ambiguous[k]:d}", *other[:2]))
+            if each.height is not None:
+                line += f",{each.height[k]:.3f}," + ",".join(_depth_fields(each, k, other[2:]))
             lines.append(line + "".join(f",{value:.8f}" for value in place))
     return lines
+
+
+def _depth_fields(located: Located, k: np.integer, other: Sequence[str]) -> list[str]:
+    """sd_z, cov_xz, cov_yz and other_z of a row: a depth that was given has no errors."""
+    if not other:
+        return ["0.000", "0.0000", "0.0000", ""]
+    covariance = located.positions.covariance[k]
+    return [f"{np.sqrt(covariance[2, 2]):.3f}", f"{covariance[0, 2]:.4f}", f"{covariance[1, 2]:.4f}", *other]
 
 
 def true_places(located: Located, reference: Reference | None) -> np.ndarray:

@@ -10,7 +10,9 @@ from typing import Annotated
 
 import tyro
 
-from tagtrack.eval.field.array.chain import Averaging, Located, Locating, locate_tags
+from tagtrack.eval.field.array.chain import Averaging, Locating, locate_tags
+from tagtrack.eval.field.array.depth import TagHeight, read_tag_height
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.reading import by_deployment, fit_names, read_aloud
 from tagtrack.eval.field.array.sound import SoundSpeed, read_sound_speed
 from tagtrack.eval.field.static_array.detections import Detections, shorten
@@ -38,15 +40,18 @@ class LocateOptions:
     """Standard deviation of an arrival time [s]; by default what the pings with spare arrivals show, else 1 ms."""
     acceleration: float = 1e-3
     """Of the animal, for map, map_m and pf: standard deviation of a random acceleration [m/s^1.5]; some 0.05 for a boat."""
+    depth: Annotated[str | None, tyro.conf.arg(metavar="M", help_behavior_hint="(none: in the plane)")] = None
+    """How deep tags are [m below the receivers' zero], a csv file (tag,depth or tag,t_unix_s,depth), or `free`: estimated, which
+    takes four receivers at several depths. --receivers then has a column depth [m, downwards] or z [m, upwards]."""
     min_receivers: int = 3
-    """Fewest receivers that must have heard a ping."""
+    """Fewest receivers that must have heard a ping; positions with --depth free take four."""
     max_sd: float = 100.0
     """Positions less certain than this [m], standard deviation in the worse direction, are not given."""
 
     def check(self) -> None:
         """Raise ValueError for an option out of range."""
         find_estimator(self.method)
-        _ = self.sound  # a speed, or a file that can be read
+        _ = self.sound, self.height  # numbers, or files that can be read
         for name in ("max_sd", "acceleration") + (("sigma",) if self.sigma is not None else ()):
             if not getattr(self, name) > 0:
                 raise ValueError(f"--{name.replace('_', '-')} must be positive, got {getattr(self, name)}")
@@ -57,6 +62,11 @@ class LocateOptions:
     def sound(self) -> SoundSpeed:
         """What ``sound_speed`` says."""
         return read_sound_speed(self.sound_speed)
+
+    @cached_property
+    def height(self) -> float | TagHeight | None:
+        """z of the tags [m] that ``depth`` says; None where it is not asked for, or is to be estimated."""
+        return None if self.depth is None else read_tag_height(self.depth)
 
     def read(self, places: ReceiverPlaces) -> Detections:
         """The detections by the receivers whose places are known.
@@ -84,5 +94,7 @@ class LocateOptions:
             min_receivers=self.min_receivers,
             max_sd=self.max_sd,
             averaging=averaging,
+            height=self.height,
         )
-        return locate_tags(detections, dict(zip(places.names, places.position, strict=True)), locating, tags=self.tags)
+        position = places.position if self.depth is None else places.in_space()
+        return locate_tags(detections, dict(zip(places.names, position, strict=True)), locating, tags=self.tags)

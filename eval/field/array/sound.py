@@ -6,7 +6,7 @@ speed by stretching its differences, so that all that follows knows one speed al
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +39,7 @@ class SoundSpeed:
         heard = np.isfinite(pings.arrival)
         first = np.min(pings.arrival, axis=1, keepdims=True, where=heard, initial=np.inf)
         first = np.where(np.isfinite(first), first, 0.0)
-        return Pings(time=pings.time, arrival=first + (pings.arrival - first) * factor[:, None])
+        return replace(pings, arrival=first + (pings.arrival - first) * factor[:, None])
 
 
 def read_sound_speed(text: str) -> SoundSpeed:

@@ -12,7 +12,7 @@ import rich
 import tyro
 
 from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
-from tagtrack.eval.field.array.chain import Located
+from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.locating import LocateOptions
 from tagtrack.eval.field.array.maps import Cloud, plot_map
 from tagtrack.eval.field.static_array.choosing import choose_places
@@ -38,18 +38,27 @@ class Animal:
     undecided: int  # of them, which fit two places that their neighbours do not tell apart: left out
     stretches: Sequence[SmoothTrack]
     apart: Floats
+    given_height: tuple[Floats, Floats] | None = None  # times [s] and z [m] of its pings, where --depth tells them
 
     @property
     def covariance(self) -> Floats:
-        """(J, 2, 2) of the rows of the track [m^2]."""
+        """(J, n, n) of the rows of the track [m^2]."""
         return np.concatenate([each.covariance for each in self.stretches])
+
+    @property
+    def height(self) -> Floats | None:
+        """(J,) z of the rows of the track [m], estimated or given; None in the plane."""
+        if self.given_height is not None:
+            return np.interp(self.track.time, *self.given_height)
+        position = np.concatenate([each.position for each in self.stretches])
+        return position[:, 2] if position.shape[1] == 3 else None
 
     @property
     def track(self) -> Track:
         """All stretches in one; its gaps are gaps of time."""
         return Track(
             time=np.concatenate([each.time for each in self.stretches]),
-            position=np.concatenate([each.position for each in self.stretches]),
+            position=np.concatenate([each.position[:, :2] for each in self.stretches]),
             tag=self.tag,
         )
 
@@ -58,8 +67,9 @@ class Animal:
 class Tracks:
     """Turn detections into tracks: locate each ping, then smooth (a correlated random walk, RTS smoother).
 
-    Writes tracks.csv (tag,t_unix_s,x,y and sd_x,sd_y,cov_xy), training.csv and held_out.csv (split by animal), tracks.json and
-    map.png. Of a ping that fits two places, the one that its neighbours lead to is taken.
+    Writes tracks.csv (tag,t_unix_s,x,y and sd_x,sd_y,cov_xy; with --depth also z, upwards, and sd_z,cov_xz,cov_yz), training.csv
+    and held_out.csv (split by animal, in the plane), tracks.json and map.png. Of a ping that fits two places, the one that its
+    neighbours lead to is taken.
     Where no ping was located for longer than --longest-gap the track is cut: no rows stand there. Use a file with
     `python -m train --tracks FILE`. Where --receivers is in degrees, x,y are metres east and north of the origin that tracks.json
     names, and movebank.csv has the tracks in degrees, as Movebank takes them.
@@ -90,9 +100,11 @@ class Tracks:
         detections = self.source.read(places)
         tags = self.source.tags or detections.tags
         animals: list[Animal] = []
+        remarks: list[str] = []
         with progress_bar(len(tags), "tags") as advance:
             for located in self.source.locate(detections, places):
                 animals.append(self.follow(located))
+                remarks += located.remarks
                 advance(located.tag, 1)
         found = [animal for animal in animals if animal.stretches]
         if not found:
@@ -111,9 +123,13 @@ class Tracks:
             "versions": collect_versions(),
         }
         print_animals(document)
+        for remark in remarks:
+            print(f"note: {remark}")
         with replace_results(self.out, OWN_FILES) as folder:
             tracks = {animal.tag: animal.track for animal in found}
-            write_tracks(folder / "tracks.csv", tracks, covariance={animal.tag: animal.covariance for animal in found})
+            covariance = {animal.tag: animal.covariance for animal in found}
+            height = {animal.tag: animal.height for animal in found} if self.source.depth else None
+            write_tracks(folder / "tracks.csv", tracks, covariance=covariance, height=height)
             if plane:
                 write_movebank(folder / "movebank.csv", tracks, plane)
             if len(tracks) > 1:
@@ -170,6 +186,7 @@ class Tracks:
             undecided=undecided,
             stretches=smoothed,
             apart=np.concatenate(apart) if apart else np.empty(0),
+            given_height=None if located.pings.height is None else (located.pings.time, located.pings.height),
         )
 
     def row_times(self, time: Floats) -> Floats:
@@ -231,5 +248,5 @@ def _median(value: Floats) -> float | None:
 
 
 def _cloud(animal: Animal) -> Cloud:
-    pieces = [np.concatenate([each.position, [[np.nan, np.nan]]]) for each in animal.stretches]
+    pieces = [np.concatenate([each.position[:, :2], [[np.nan, np.nan]]]) for each in animal.stretches]
     return Cloud(name=animal.tag, position=np.concatenate(pieces), joined=True)

@@ -42,14 +42,16 @@ class Rows:
     arrival: Floats  # (N, R) likewise, NaN where not heard
     heard_row: NDArray[np.intp]  # (K,) the row of each ping
     chained: NDArray[np.bool_]  # (N,) interval before a row and interval before that are alike; never for random intervals
+    rise: Floats | None = None  # (N, R) of the tag above each receiver, where it is known and positions are horizontal [m]
 
 
-def lay_out(pings: Pings, interval: float | None) -> Rows:
-    """Rows of the pings; for a regular tag of that interval [s], also those it missed."""
+def lay_out(pings: Pings, interval: float | None, rise: Floats | None = None) -> Rows:
+    """Rows of the pings; for a regular tag of that interval [s], also those it missed. ``rise`` (K, R) [m] as of ``Rows``."""
     time = pings.time - pings.time[0]
     arrival = pings.arrival - pings.time[0]
     if interval is None:
-        return Rows(time=time, arrival=arrival, heard_row=np.arange(len(time)), chained=np.zeros(len(time), dtype=bool))
+        none = np.zeros(len(time), dtype=bool)
+        return Rows(time=time, arrival=arrival, heard_row=np.arange(len(time)), chained=none, rise=rise)
     steps = np.maximum(np.round(np.diff(time) / interval), 1).astype(np.intp)
     lost = steps > LONGEST_GAP
     steps[lost] = 1
@@ -60,7 +62,11 @@ def lay_out(pings: Pings, interval: float | None) -> Rows:
     chained = np.arange(count) >= 2
     for row in heard_row[1:][lost]:  # an interval of unknown length ends here
         chained[row : row + 2] = False
-    return Rows(time=np.interp(np.arange(count), heard_row, time), arrival=spread, heard_row=heard_row, chained=chained)
+    if rise is not None:
+        row = np.arange(count)
+        rise = np.stack([np.interp(row, heard_row, column) for column in rise.T], axis=1)
+    sent = np.interp(np.arange(count), heard_row, time)
+    return Rows(time=sent, arrival=spread, heard_row=heard_row, chained=chained, rise=rise)
 
 
 class ArrivalModel:
@@ -137,7 +143,7 @@ class ArrivalModel:
 
     def start(self, position: Floats) -> Floats:
         """States at given positions (N, n), each transmission time where the median of its arrivals puts it."""
-        distance = np.linalg.norm(position[:, None] - self.places, axis=-1)
+        distance = self._distances(position[:, None] - self.places)
         sent = np.full(len(position), np.nan)
         heard = self.heard.any(axis=1)
         sent[heard] = np.nanmedian(np.where(self.heard, self.range_sum - distance, np.nan)[heard], axis=1)
@@ -147,11 +153,16 @@ class ArrivalModel:
     def _residuals(self, state: Floats) -> tuple[Floats, Floats]:
         """(N, R) [m], and what a state's change adds to the predicted (N, R, n+1)."""
         offset = state[:, None, :-1] - self.places
-        distance = np.sqrt(np.einsum("kra,kra->kr", offset, offset))
+        distance = self._distances(offset)
         residual = np.where(self.heard, self.range_sum - state[:, -1:] - distance, 0.0)
         towards = np.ones((*distance.shape, self.block))
         towards[..., :-1] = offset / np.maximum(distance, 1e-6)[..., None]
         return residual, towards
+
+    def _distances(self, offset: Floats) -> Floats:
+        """(N, R) [m] for offsets (N, R, n) from the receivers."""
+        square = np.einsum("kra,kra->kr", offset, offset)
+        return np.asarray(np.sqrt(square if self.rows.rise is None else square + self.rows.rise**2))
 
     def _loss(self, z: Floats) -> tuple[Floats, Floats]:
         """Minus the log density of an error of z sigma, and its slope over z."""

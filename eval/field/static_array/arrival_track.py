@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from tagtrack.eval.field.static_array.arrival_model import SHORTEST_INTERVAL, ArrivalModel, Rows, Scales, invert_blocks, lay_out
 from tagtrack.eval.field.static_array.likelihood import check_pings
 from tagtrack.eval.field.static_array.maximum_likelihood import wls_ml
-from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, level_places
 
 REGULAR = 0.02  # of the interval: how far the intervals of a regular tag, motion included, lie from whole multiples of it
 MOST_STRAYS = 0.1  # share of intervals that may lie farther: outliers
@@ -89,7 +89,7 @@ def track_arrivals(
     Raises:
         ValueError: if the shapes disagree, receivers cannot locate, times are out of order, or the interval is not positive.
     """
-    places = check_receivers(receivers)
+    places, rise = level_places(pings, receivers)
     dimensions = places.shape[1]
     check_pings(pings, places)
     if interval is not None and not (np.isfinite(interval) and interval > 0):
@@ -97,10 +97,10 @@ def track_arrivals(
     located = pings.heard.sum(axis=1) > dimensions
     if not located.any():
         return _no_track(pings, dimensions, setting, interval)
-    rows = lay_out(pings, interval)
+    rows = lay_out(pings, interval, rise)
     model = ArrivalModel(rows, places, setting.sound_speed, robust=robust)
     scales = _first_scales(rows, setting)
-    starts = _first_positions(model, rows.heard_row[located], setting), _ping_by_ping(pings, places, setting, rows, robust)
+    starts = _first_positions(model, rows.heard_row[located], setting), _ping_by_ping(pings, receivers, setting, rows, robust)
     state = min((_approach(model, start, scales) for start in starts if start is not None), key=lambda each: each[1])[0]
     if located.sum() >= FEWEST_PINGS:
         scales, state = _estimate_scales(model, scales, state)
@@ -133,9 +133,9 @@ def _approach(model: ArrivalModel, position: Floats, scales: Scales) -> tuple[Fl
     return state, cost
 
 
-def _ping_by_ping(pings: Pings, places: Floats, setting: ArraySetting, rows: Rows, robust: bool) -> Floats | None:
+def _ping_by_ping(pings: Pings, receivers: ArrayLike, setting: ArraySetting, rows: Rows, robust: bool) -> Floats | None:
     """(N, n): each ping where it is likeliest by itself, then lines; None where no ping tells. Few pings have no usual place."""
-    found = wls_ml(pings, places, setting, robust=robust).position
+    found = wls_ml(pings, receivers, setting, robust=robust).position
     known = np.flatnonzero(np.isfinite(found).all(axis=1))
     if not known.size:
         return None
@@ -151,6 +151,7 @@ def _first_positions(model: ArrivalModel, located: NDArray[np.intp], setting: Ar
         arrival=rows.arrival[located],
         heard_row=np.arange(len(located)),
         chained=np.zeros(len(located), dtype=bool),
+        rise=None if rows.rise is None else rows.rise[located],
     )
     single = ArrivalModel(alone, model.places, model.sound_speed, robust=model.robust)
     middle = np.tile(model.places.mean(axis=0), (len(located), 1))

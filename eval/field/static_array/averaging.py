@@ -80,7 +80,10 @@ def average_pings(pings: Pings, block: NDArray[np.int64], sigma: float, systemat
     middle = begin + (np.add.reduceat(time - begin, first) / count if time.size else time)
     earliest = np.min(common, axis=1, keepdims=True, where=touched, initial=np.inf)
     arrival = middle[:, None] + np.where(touched, common - np.where(np.isfinite(earliest), earliest, 0.0), np.nan)
-    return Blocks(pings=Pings(time=middle, arrival=arrival), information=information, count=count)
+    height = None
+    if pings.height is not None:
+        height = np.add.reduceat(pings.height[several], first) / count if time.size else time
+    return Blocks(pings=Pings(time=middle, arrival=arrival, height=height), information=information, count=count)
 
 
 def _agree(relative: Floats, heard: NDArray[np.bool_], sigma: float, first: NDArray[np.intp]) -> tuple[Floats, Floats]:

@@ -47,14 +47,15 @@ def solve_in_closed_form(likelihood: Likelihood, sigma: float) -> Floats:
     further = np.where(used, likelihood.sound_speed * (likelihood.arrival - first), 0.0)
     origin = likelihood.receivers[reference]
     baseline = np.where(used[..., None], likelihood.receivers - origin[:, None], 0.0)
+    rise = np.zeros_like(further) if likelihood.rise is None else np.where(used, likelihood.rise, 0.0)
 
     smallest = likelihood.sound_speed * sigma  # nearer than this the squared error outgrows the linear one
     ranges = np.full(used.shape, likelihood.span)
     for _ in range(1 + REWEIGHTINGS):
         weight = likelihood.information / (ranges[:, :, None] * ranges[:, None, :] * likelihood.sound_speed**2)
-        equations = _reduce(baseline, further, weight)
+        equations = _reduce(baseline, further, weight, rise, np.take_along_axis(rise, reference[:, None], axis=1))
         offset = equations.at(equations.best_range)
-        ranges = np.fmax(np.linalg.norm(offset[:, None] - baseline, axis=-1), smallest)
+        ranges = np.fmax(np.hypot(np.linalg.norm(offset[:, None] - baseline, axis=-1), rise), smallest)
     # With n + 1 receivers, or in the middle of a regular array, the linear equations leave r_0 open: only the cone tells it.
     crossings = np.stack([origin + crossing for crossing in equations.cross()])
     position = np.where(
@@ -73,6 +74,7 @@ class _Equations(NamedTuple):
     spread: Floats  # (K, n, n) covariance of the position given r_0 [m^2]
     range_information: Floats  # (K,) of r_0 [1/m^2]
     best_range: Floats  # (K,) r_0 that fits the linear equations best [m]; any where its information is 0
+    rise: Floats  # (K,) of the tag above the reference receiver, where it is known; else 0 [m]
 
     def at(self, reference_range: Floats) -> Floats:
         """q - b_0 (K, n) [m] for a range r_0 (K,)."""
@@ -83,10 +85,10 @@ class _Equations(NamedTuple):
         return ~(self.range_information > (OPEN * span) ** -2)
 
     def cross(self) -> tuple[Floats, Floats]:
-        """Where the line meets the cone r_0 = |q - b_0| > 0: two crossings (K, n), NaN where there is none."""
+        """Where the line meets the cone r_0 = |q - b_0| > 0, a hyperboloid at a known rise: two crossings (K, n), else NaN."""
         square = np.einsum("kn,kn->k", self.slope, self.slope) - 1
         half = np.einsum("kn,kn->k", self.foot, self.slope)
-        rest = np.einsum("kn,kn->k", self.foot, self.foot)
+        rest = np.einsum("kn,kn->k", self.foot, self.foot) + self.rise**2
         with np.errstate(divide="ignore", invalid="ignore"):
             larger = -(half + np.copysign(np.sqrt(half**2 - square * rest), half))
             roots = larger / square, rest / larger
@@ -101,21 +103,25 @@ class _Equations(NamedTuple):
         with np.errstate(divide="ignore", invalid="ignore"):
             covariance = along[:, :, None] * along[:, None, :] / self.range_information[:, None, None]
         covariance[:, :count, :count] += self.spread
-        point = np.concatenate([offset, np.linalg.norm(offset, axis=1)[:, None]], axis=1)
+        point = np.concatenate([offset, np.hypot(np.linalg.norm(offset, axis=1), self.rise)[:, None]], axis=1)
         with np.errstate(invalid="ignore"):
             for _ in range(PROJECTIONS):
                 normal = np.concatenate([-point[:, :count], point[:, count:]], axis=1)
                 lever = np.einsum("kab,kb->ka", covariance, normal)
-                miss = 0.5 * np.einsum("ka,ka->k", normal, point) + np.einsum("ka,ka->k", normal, first - point)
+                short = 0.5 * (np.einsum("ka,ka->k", normal, point) - self.rise**2)
+                miss = short + np.einsum("ka,ka->k", normal, first - point)
                 point = first - lever * (miss / np.einsum("ka,ka->k", normal, lever))[:, None]
         return point[:, :count]
 
 
-def _reduce(baseline: Floats, further: Floats, weight: Floats) -> _Equations:
-    """Eqs. 12-13 for baselines b_i - b_0 (K, R, n) [m], range differences (K, R) [m] and weights (K, R, R) [1/m^4]."""
+def _reduce(baseline: Floats, further: Floats, weight: Floats, rise: Floats, own_rise: Floats) -> _Equations:
+    """Eqs. 12-13 for baselines b_i - b_0 (K, R, n) [m], range differences (K, R) [m] and weights (K, R, R) [1/m^4].
+
+    At a known rise of the tag above each receiver (K, R) and the reference (K, 1) [m] the position is horizontal.
+    """
     weighted = weight @ baseline
     spread = inverse_or_nan(baseline.swapaxes(1, 2) @ weighted)
-    aim = 0.5 * (np.einsum("kan,kan->ka", baseline, baseline) - further**2)
+    aim = 0.5 * (np.einsum("kan,kan->ka", baseline, baseline) - further**2 + rise**2 - own_rise**2)
     foot = np.einsum("knm,kam,ka->kn", spread, weighted, aim, optimize=True)
     slope = -np.einsum("knm,kam,ka->kn", spread, weighted, further, optimize=True)
     lever = further + np.einsum("kan,kn->ka", baseline, slope)
@@ -124,4 +130,6 @@ def _reduce(baseline: Floats, further: Floats, weight: Floats) -> _Equations:
     left = aim - np.einsum("kan,kn->ka", baseline, foot)
     with np.errstate(divide="ignore", invalid="ignore"):
         best = np.where(known > 0, np.einsum("kb,kb->k", pull, left) / known, 0.0)
-    return _Equations(foot=foot, slope=slope, spread=spread, range_information=known, best_range=best)
+    return _Equations(
+        foot=foot, slope=slope, spread=spread, range_information=known, best_range=best, rise=own_rise[:, 0]
+    )

@@ -7,7 +7,7 @@ rest, as the only one without which they fit; with one to spare it is known only
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from scipy.special import chdtri
 
 from tagtrack.eval.field.static_array.likelihood import make_likelihood
 from tagtrack.eval.field.static_array.maximum_likelihood import wls_ml
-from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, level_places
 
 IMPLAUSIBLE = 1e-4  # chance of so bad a fit by noise alone
 CLEARER = 4.0  # by which the fit without the wrong arrival must be better than without any other [cost]
@@ -37,11 +37,11 @@ def agree(pings: Pings, receivers: ArrayLike, setting: ArraySetting) -> Agreemen
         pings: arrivals (K, R) [s], NaN where not heard. receivers: (R, n) [m]. setting: sound speed, and sigma of an arrival.
     """
     arrival = np.array(pings.arrival, dtype=np.float64)
-    cost, spare = _fit(arrival, receivers, setting)
+    cost, spare = _fit(pings, receivers, setting)
     wrong = np.flatnonzero(_is_poor(cost, spare) & (spare >= 2))
     dropped = 0
     while wrong.size:
-        worst, better, sure = _find_odd_one(arrival[wrong], receivers, setting)
+        worst, better, sure = _find_odd_one(replace(pings, arrival=arrival).take(wrong), receivers, setting)
         arrival[wrong[sure], worst[sure]] = np.nan
         dropped += int(sure.sum())
         cost[wrong[sure]] = better[sure]
@@ -50,12 +50,11 @@ def agree(pings: Pings, receivers: ArrayLike, setting: ArraySetting) -> Agreemen
         wrong = rows[_is_poor(cost[rows], spare[rows]) & (spare[rows] >= 2)]
     with np.errstate(divide="ignore", invalid="ignore"):
         misfit = np.where(spare > 0, np.sqrt(2.0 * cost / np.maximum(spare, 1)), np.nan)
-    return Agreement(pings=Pings(time=pings.time, arrival=arrival), misfit=misfit, dropped=dropped)
+    return Agreement(pings=replace(pings, arrival=arrival), misfit=misfit, dropped=dropped)
 
 
-def _fit(arrival: Floats, receivers: ArrayLike, setting: ArraySetting) -> tuple[Floats, NDArray[np.intp]]:
+def _fit(pings: Pings, receivers: ArrayLike, setting: ArraySetting) -> tuple[Floats, NDArray[np.intp]]:
     """Least cost (K,) of each ping, and its arrivals to spare."""
-    pings = Pings(time=np.zeros(len(arrival)), arrival=arrival)
     likelihood = make_likelihood(pings, receivers, setting)
     position = wls_ml(pings, receivers, setting).position
     return likelihood.cost(position), np.maximum(likelihood.known_differences - likelihood.dimensions, 0)
@@ -66,20 +65,21 @@ def _is_poor(cost: Floats, spare: NDArray[np.intp]) -> NDArray[np.bool_]:
 
 
 def _find_odd_one(
-    arrival: Floats, receivers: ArrayLike, setting: ArraySetting
+    pings: Pings, receivers: ArrayLike, setting: ArraySetting
 ) -> tuple[NDArray[np.intp], Floats, NDArray[np.bool_]]:
     """The arrival (K,) without which the others of a ping fit best, the cost (K,) then, and whether it is surely that one."""
+    arrival = pings.arrival
     costs = np.full(arrival.shape, np.inf)
     for receiver in range(arrival.shape[1]):
         rows = np.flatnonzero(np.isfinite(arrival[:, receiver]))
         if rows.size:
-            others = arrival[rows].copy()
-            others[:, receiver] = np.nan
+            others = pings.take(rows)
+            others.arrival[:, receiver] = np.nan
             found, _ = _fit(others, receivers, setting)
             costs[rows, receiver] = np.where(np.isfinite(found), found, np.inf)
     order = np.sort(costs, axis=1)
     heard = np.isfinite(arrival).sum(axis=1)
-    spare = heard - np.asarray(receivers).shape[1] - 2  # that are left without it
+    spare = heard - level_places(pings, receivers)[0].shape[1] - 2  # that are left without it
     best = order[:, 0]
     # Many to spare: whatever is left out helps, for more than one is wrong, and one after the other goes.
     sure = np.isfinite(best) & ((order[:, 1] - best > CLEARER) | (spare >= 3))

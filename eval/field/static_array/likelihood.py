@@ -20,7 +20,7 @@ from tagtrack.eval.field.static_array.model import (
     Pings,
     Positions,
     arrival_information,
-    check_receivers,
+    level_places,
 )
 
 SMALLEST_RANGE = 1e-6  # [m]: at a receiver the cost has a kink and no derivative
@@ -46,6 +46,7 @@ class Likelihood:
     information: Floats  # (K, R, R) [1/s^2], 0 where not heard
     receivers: Floats  # (R, n) [m]
     sound_speed: float  # [m/s]
+    rise: Floats | None = None  # (K, R) of the tag above each receiver, where positions are horizontal [m]
 
     def __len__(self) -> int:
         return len(self.arrival)
@@ -67,7 +68,8 @@ class Likelihood:
     def take(self, kept: NDArray[np.intp] | NDArray[np.bool_] | slice) -> Likelihood:
         """Those of some pings, in any order and number."""
         information = np.moveaxis(pings_last(self.information)[..., kept], -1, 0)
-        return replace(self, arrival=self.arrival[kept], information=information)
+        rise = None if self.rise is None else self.rise[kept]
+        return replace(self, arrival=self.arrival[kept], information=information, rise=rise)
 
     @cached_property
     def known_differences(self) -> NDArray[np.intp]:
@@ -122,7 +124,10 @@ class Likelihood:
     def _ranges(self, position: Floats) -> tuple[Floats, Floats]:
         """From each receiver, pings last: offset (R, n, K) and distance (R, K) [m]."""
         offset = pings_last(position) - self.receivers[..., None]
-        return offset, np.maximum(np.sqrt(np.einsum("ank,ank->ak", offset, offset)), SMALLEST_RANGE)
+        square = np.einsum("ank,ank->ak", offset, offset)
+        if self.rise is not None:
+            square += self.rise.T**2
+        return offset, np.maximum(np.sqrt(square), SMALLEST_RANGE)
 
 
 def make_likelihood(pings: Pings, receivers: ArrayLike, setting: ArraySetting, information: Floats | None = None) -> Likelihood:
@@ -130,13 +135,14 @@ def make_likelihood(pings: Pings, receivers: ArrayLike, setting: ArraySetting, i
 
     Args:
         pings: arrivals (K, R) [s].
-        receivers: (R, n) [m], n = 2 or 3.
+        receivers: (R, n) [m], n = 2 or 3; 3 where the pings tell the tag's height, and positions are horizontal then.
         information: (K, R, R) [1/s^2], positive semi-definite with rows that sum to zero; by default that of independent
             arrival errors of ``setting.sigma``.
     Raises:
-        ValueError: as ``check_pings``; if ``information`` has another shape or counts a receiver that heard nothing.
+        ValueError: as ``level_places`` and ``check_pings``; if ``information`` has another shape or counts a receiver that heard
+            nothing.
     """
-    places = check_receivers(receivers)
+    places, rise = level_places(pings, receivers)
     check_pings(pings, places)
     arrival = np.asarray(pings.arrival, dtype=np.float64)
     heard = np.isfinite(arrival)
@@ -151,7 +157,7 @@ def make_likelihood(pings: Pings, receivers: ArrayLike, setting: ArraySetting, i
     first = np.min(arrival, axis=1, keepdims=True, where=heard, initial=np.inf)
     relative = np.where(heard, arrival - np.where(np.isfinite(first), first, 0.0), 0.0)
     matrix = np.moveaxis(pings_last(matrix), -1, 0)
-    return Likelihood(arrival=relative, information=matrix, receivers=places, sound_speed=setting.sound_speed)
+    return Likelihood(arrival=relative, information=matrix, receivers=places, sound_speed=setting.sound_speed, rise=rise)
 
 
 def check_pings(pings: Pings, receivers: Floats) -> None:

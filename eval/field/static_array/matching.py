@@ -16,6 +16,8 @@ from tagtrack.eval.field.static_array.detections import Detections
 from tagtrack.eval.field.static_array.model import Pings
 
 DEFAULT_WINDOW = 1.0  # [s]; sound crosses 1.5 km, and the tags of such studies wait a minute
+ECHO = 0.1  # [s] after a reception: what follows sooner is its echo
+USUAL_GAP = 0.25  # quantile of the gaps at a receiver that are one interval: three pings of four may be missed
 DEFAULT_MARGIN = 0.05  # what clocks and echoes may add to the largest possible time difference [s]
 
 
@@ -33,6 +35,16 @@ def array_window(receivers: ArrayLike, sound_speed: float, margin: float = DEFAU
     """Largest possible time difference of arrival between receivers (R, n), plus a margin [s]."""
     places = np.asarray(receivers, dtype=np.float64)
     return float(pdist(places).max(initial=0.0)) / sound_speed + margin
+
+
+def usual_interval(detections: Detections) -> float | None:
+    """How long a tag waits between two pings [s], from when each receiver heard it; None where nobody heard it twice."""
+    gaps = []
+    for receiver in np.unique(detections.receiver):
+        gap = np.diff(np.sort(detections.time[detections.receiver == receiver]))
+        gaps.append(gap[gap > ECHO])
+    every = np.concatenate(gaps) if gaps else np.empty(0)
+    return float(np.quantile(every, USUAL_GAP)) if every.size else None
 
 
 def group_pings(time: ArrayLike, window: float) -> NDArray[np.intp]:

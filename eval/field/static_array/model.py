@@ -38,15 +38,22 @@ class Pings:
     """K pings of one tag, in order of time.
 
     ``time`` (K,) [s]: when the first receiver heard it. ``arrival`` (K, R) [s]: on the same clock; NaN where not heard.
+    ``height`` (K,) [m]: of the tag, where that is known: receivers are then (R, 3), and positions are horizontal.
     """
 
     time: Floats
     arrival: Floats
+    height: Floats | None = None
 
     @property
     def heard(self) -> NDArray[np.bool_]:
         """(K, R): which receivers heard it."""
         return np.isfinite(self.arrival)
+
+    def take(self, kept: NDArray[np.intp] | NDArray[np.bool_]) -> Pings:
+        """Some of them."""
+        height = None if self.height is None else self.height[kept]
+        return Pings(time=self.time[kept], arrival=self.arrival[kept], height=height)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,3 +116,26 @@ def check_receivers(receivers: ArrayLike) -> Floats:
     if not np.ptp(places, axis=0).any():
         raise ValueError(f"all {len(places)} receivers stand in one place, which tells no direction; correct their places")
     return places
+
+
+def level_places(pings: Pings, receivers: ArrayLike) -> tuple[Floats, Floats | None]:
+    """Among which places a position is sought.
+
+    Args:
+        pings: K of them. receivers: (R, 2) or (R, 3) [m].
+    Returns:
+        The places of the receivers (R, n), and None; or, where the pings tell the tag's height, their horizontal places (R, 2)
+        and by how much the tag is above each (K, R) [m].
+    Raises:
+        ValueError: as ``check_receivers``; if there is not a finite height for each ping, or receivers have none.
+    """
+    if pings.height is None:
+        return check_receivers(receivers), None
+    places, height = np.asarray(receivers, dtype=np.float64), np.asarray(pings.height, dtype=np.float64)
+    if places.ndim != 2 or places.shape[1] != 3:
+        raise ValueError(f"where a tag's height is known receivers must be (R, 3), got shape {places.shape}")
+    if height.shape != pings.time.shape or not np.isfinite(height).all():
+        raise ValueError(f"height must be finite, one for each of {len(pings.time)} pings, got shape {height.shape}")
+    if not np.isfinite(places[:, 2]).all():
+        raise ValueError(f"receivers must be finite, got {places[~np.isfinite(places[:, 2])][0]}")
+    return check_receivers(places[:, :2]), height[:, None] - places[:, 2]

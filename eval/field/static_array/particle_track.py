@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tagtrack.eval.field.static_array.likelihood import check_pings
-from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, arrival_information, check_receivers
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, arrival_information, level_places
 from tagtrack.eval.field.static_array.stages import condition, effective_share, normalized, resample
 
 PARTICLES = 6000
@@ -54,7 +54,7 @@ def particle_filter(
     Raises:
         ValueError: if the shapes disagree, receivers cannot locate, times are out of order, or there are no two particles.
     """
-    places = check_receivers(receivers)
+    places, rise = level_places(pings, receivers)
     check_pings(pings, places)
     if not 0 <= stray_share < 1:
         raise ValueError(f"stray_share must be in [0, 1), got {stray_share!r}")
@@ -70,7 +70,8 @@ def particle_filter(
         strays = LOST_AFTER
         for k in range(int(located[0]), len(pings.time)):
             begins = strays >= LOST_AFTER and k in located  # with a ping that is taken at its word
-            misfit = Misfit(pings.arrival[k], known[k], places, setting.sound_speed)
+            above = None if rise is None else rise[k]
+            misfit = Misfit(pings.arrival[k], known[k], places, setting.sound_speed, above)
             if begins:
                 cloud, strays = _first_cloud(misfit, places, setting, particles, rng), 0
             else:
@@ -84,18 +85,22 @@ def particle_filter(
 class Misfit:
     """Of positions (n, N), minus the log likelihood of a ping: half the quadratic form of its residuals (model.py)."""
 
-    def __init__(self, arrival: Floats, information: Floats, places: Floats, sound_speed: float) -> None:
+    def __init__(
+        self, arrival: Floats, information: Floats, places: Floats, sound_speed: float, rise: Floats | None = None
+    ) -> None:
         heard = np.isfinite(arrival)
         value, vector = np.linalg.eigh(information[np.ix_(heard, heard)])
         tells = value > SMALLEST_EIGENVALUE * value.max(initial=1.0)  # a common shift of all arrivals tells nothing
         self.root = (np.sqrt(0.5 * value[tells]) * vector[:, tells]).T
         self.measured = arrival[heard, None] - arrival[heard].mean() if heard.any() else np.zeros((0, 1))
         self.where, self.sound_speed = places[heard], sound_speed
+        self.rise = np.zeros((int(heard.sum()), 1)) if rise is None else rise[heard, None]
 
     def __call__(self, position: Floats) -> Floats:
         square = (position[0] - self.where[:, 0, None]) ** 2
         for coordinate, place in zip(position[1:], self.where.T[1:], strict=True):
             square += (coordinate - place[:, None]) ** 2
+        square += self.rise**2
         residual = self.root @ (self.measured - np.sqrt(square) / self.sound_speed)
         return np.einsum("ij,ij->j", residual, residual)
 

@@ -16,12 +16,15 @@ from tagtrack.eval.field.static_array.likelihood import check_pings
 from tagtrack.eval.field.static_array.map_track import maximum_a_posteriori
 from tagtrack.eval.field.static_array.map_window import map_marginal
 from tagtrack.eval.field.static_array.maximum_likelihood import maximum_likelihood, wls_ml
-from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, check_receivers
+from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings, Positions, level_places
 from tagtrack.eval.field.static_array.particle_track import particle_filter
 
 
 class Estimator(Protocol):
-    """Positions of K pings, from the arrivals at receivers (R, n) [m] and, where given, their information (K, R, R) [1/s^2]."""
+    """Positions of K pings, from the arrivals at receivers (R, n) [m] and, where given, their information (K, R, R) [1/s^2].
+
+    Where the pings tell the tag's height, receivers are (R, 3) and positions (K, 2).
+    """
 
     def __call__(
         self, pings: Pings, receivers: ArrayLike, setting: ArraySetting, *, information: Floats | None = None
@@ -79,10 +82,10 @@ def locate(
         ValueError: for an unknown method, listing those there are, receivers that are not (R, 2) or (R, 3), arrivals that are not
             (K, R), or times that are not one for each ping, finite and in order.
     """
-    places = check_receivers(receivers)
+    places, _ = level_places(pings, receivers)
     if not isinstance(method, str):
         check_pings(pings, places)
-        return _checked(method(pings, places, setting, information=information), method, len(pings.time), places.shape[1])
+        return _checked(method(pings, receivers, setting, information=information), method, len(pings.time), places.shape[1])
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; known: {', '.join(METHODS)}")
     check_pings(pings, places)

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 SPEEDS = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0)  # standard deviations of each axis to choose from [m/s]
 MEMORIES = (30.0, 300.0, 3000.0, 30000.0)  # [s]
-GATE = 13.8  # squared Mahalanobis distance that one ping in a thousand exceeds, chi-square with two degrees of freedom
+GATE = {2: 13.8, 3: 16.3}  # squared Mahalanobis distance that one ping in a thousand exceeds, chi-square by dimensions
 MOST_COST = 50.0  # squared distance that a ping left out counts as: outliers cost all walks the same, a lost animal costs one
 PART, MOST_PARTS = 200, 10  # pings from which the parameters are chosen
 FIRST = 10  # pings whose median starts the walk
@@ -30,15 +30,15 @@ class Walk:
     speed: float
     memory: float
 
-    def transition(self, step: float) -> tuple[Floats, Floats]:
-        """Phi and Q (4, 4) of the state [x, v_x, y, v_y] over ``step`` [s]."""
-        matrix, noise = _transitions(np.array([self.speed]), np.array([self.memory]), np.array([step]))
+    def transition(self, step: float, dimensions: int = 2) -> tuple[Floats, Floats]:
+        """Phi and Q (2n, 2n) of the state [x, v_x, y, v_y, ...] over ``step`` [s]."""
+        matrix, noise = _transitions(np.array([self.speed]), np.array([self.memory]), np.array([step]), dimensions)
         return matrix[0], noise[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothTrack:
-    """One stretch of a track, K rows: ``time`` (K,) [s], ``position`` (K, 2) [m], ``covariance`` (K, 2, 2) [m^2].
+    """One stretch of a track, K rows: ``time`` (K,) [s], ``position`` (K, n) [m], ``covariance`` (K, n, n) [m^2].
 
     ``refused`` (P,) says which of the P pings of the stretch were left out; ``walk`` what was assumed of the animal.
     """
@@ -56,20 +56,21 @@ def choose_walk(time: Floats, position: Floats, covariance: Floats) -> Walk:
     A long record is judged by MOST_PARTS parts of PART pings, evenly spread over it.
 
     Args:
-        time: (K,) [s], rising. position: (K, 2) [m]. covariance: (K, 2, 2) [m^2].
+        time: (K,) [s], rising. position: (K, n) [m], n = 2 or 3. covariance: (K, n, n) [m^2].
     """
+    size = position.shape[1]
     speed, memory = (grid.ravel() for grid in np.meshgrid(SPEEDS, MEMORIES, indexing="ij"))
     length = min(PART, time.size)
     first = np.unique(np.linspace(0, time.size - length, MOST_PARTS).astype(int))
     walks, parts = (index.ravel() for index in np.meshgrid(np.arange(speed.size), np.arange(first.size), indexing="ij"))
     rows = first[parts]
     begun = [_begin(position[row : row + length], covariance[row : row + length], speed) for row in first]
-    state = np.stack([each[0] for each in begun], axis=1).reshape(-1, 4)
-    spread = np.stack([each[1] for each in begun], axis=1).reshape(-1, 4, 4)
+    state = np.stack([each[0] for each in begun], axis=1).reshape(-1, 2 * size)
+    spread = np.stack([each[1] for each in begun], axis=1).reshape(-1, 2 * size, 2 * size)
     score = np.zeros(walks.size)
     for k in range(length):
         if k:
-            matrix, noise = _transitions(speed[walks], memory[walks], time[rows + k] - time[rows + k - 1])
+            matrix, noise = _transitions(speed[walks], memory[walks], time[rows + k] - time[rows + k - 1], size)
             state = np.einsum("gij,gj->gi", matrix, state)
             spread = matrix @ spread @ matrix.transpose(0, 2, 1) + noise
         innovation = spread[:, ::2, ::2] + covariance[rows + k]
@@ -77,7 +78,7 @@ def choose_walk(time: Floats, position: Floats, covariance: Floats) -> Walk:
         inverse = np.linalg.inv(innovation)
         distance = np.einsum("gi,gij,gj->g", miss, inverse, miss)
         score -= 0.5 * np.minimum(distance, MOST_COST) + 0.5 * np.log(np.linalg.det(innovation))
-        gain = np.where((distance < GATE)[:, None, None], spread[:, :, ::2] @ inverse, 0.0)
+        gain = np.where((distance < GATE[size])[:, None, None], spread[:, :, ::2] @ inverse, 0.0)
         state = state + np.einsum("gij,gj->gi", gain, miss)
         spread = spread - gain @ spread[:, ::2, :]
     best = int(np.argmax(score.reshape(speed.size, first.size).sum(axis=1)))
@@ -88,7 +89,7 @@ def smooth(time: Floats, position: Floats, covariance: Floats, walk: Walk, at: A
     """Kalman filter and RTS smoother (filterpy) over one stretch.
 
     Args:
-        time: (K,) [s], rising. position: (K, 2) [m]. covariance: (K, 2, 2) [m^2] of located pings.
+        time: (K,) [s], rising. position: (K, n) [m]. covariance: (K, n, n) [m^2] of located pings.
         at: (J,) rising times [s] at which to give the track; by default those of the pings.
     """
     from filterpy.kalman import KalmanFilter
@@ -97,22 +98,23 @@ def smooth(time: Floats, position: Floats, covariance: Floats, walk: Walk, at: A
     moment = np.union1d(time, wanted)
     ping = np.full(moment.size, -1)
     ping[np.searchsorted(moment, time)] = np.arange(time.size)
-    kalman = KalmanFilter(dim_x=4, dim_z=2)
-    kalman.H = np.eye(4)[::2]
+    size = position.shape[1]
+    kalman = KalmanFilter(dim_x=2 * size, dim_z=size)
+    kalman.H = np.eye(2 * size)[::2]
     first_state, first_spread = _begin(position, covariance, np.array([walk.speed]))
     kalman.x, kalman.P = first_state[0], first_spread[0]
     refused = np.zeros(time.size, dtype=bool)
-    states, spreads, matrices, noises = [], [], [np.eye(4)], [np.zeros((4, 4))]
+    states, spreads, matrices, noises = [], [], [np.eye(2 * size)], [np.zeros((2 * size, 2 * size))]
     for k in range(moment.size):
         if k:
-            matrix, noise = walk.transition(moment[k] - moment[k - 1])
+            matrix, noise = walk.transition(moment[k] - moment[k - 1], size)
             kalman.predict(F=matrix, Q=noise)
             matrices.append(matrix)
             noises.append(noise)
         index = ping[k]
         if index >= 0:
             miss = position[index] - kalman.x[::2]
-            refused[index] = miss @ np.linalg.solve(kalman.P[::2, ::2] + covariance[index], miss) >= GATE
+            refused[index] = miss @ np.linalg.solve(kalman.P[::2, ::2] + covariance[index], miss) >= GATE[size]
             if not refused[index]:
                 kalman.update(position[index], R=covariance[index])
         states.append(kalman.x.copy())
@@ -149,21 +151,22 @@ def interpolate(time: Floats, position: Floats, covariance: Floats, walk: Walk, 
 
 
 def _begin(position: Floats, covariance: Floats, speed: Floats) -> tuple[Floats, Floats]:
-    """State (G, 4) and covariance (G, 4, 4) before the first ping: the median of the first ones, and how they scatter."""
+    """State (G, 2n) and covariance (G, 2n, 2n) before the first ping: the median of the first ones, and how they scatter."""
     first = position[:FIRST]
     middle = np.median(first, axis=0)
     scatter = np.median(np.abs(first - middle), axis=0) + np.sqrt(np.diagonal(covariance[:FIRST].mean(axis=0)))
-    state = np.zeros((speed.size, 4))
+    size = position.shape[1]
+    state = np.zeros((speed.size, 2 * size))
     state[:, ::2] = middle
-    spread = np.zeros((speed.size, 4, 4))
-    for axis in range(2):
+    spread = np.zeros((speed.size, 2 * size, 2 * size))
+    for axis in range(size):
         spread[:, 2 * axis, 2 * axis] = (2.0 * scatter[axis]) ** 2
         spread[:, 2 * axis + 1, 2 * axis + 1] = speed**2
     return state, spread
 
 
-def _transitions(speed: Floats, memory: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Phi and Q (G, 4, 4) of G walks over a step (G,) [s] of each."""
+def _transitions(speed: Floats, memory: Floats, step: Floats, dimensions: int) -> tuple[Floats, Floats]:
+    """Phi and Q (G, 2n, 2n) of G walks over a step (G,) [s] of each."""
     share = step / memory
     left, lost = np.exp(-share), -np.expm1(-share)
     variance = speed**2
@@ -171,9 +174,9 @@ def _transitions(speed: Floats, memory: Floats, step: Floats) -> tuple[Floats, F
     wander = np.where(
         share < 1e-3, share**3 * (2 / 3 - share / 2 + 7 / 30 * share**2), 2.0 * share - 2.0 * lost - lost**2
     )
-    matrix = np.zeros((speed.size, 4, 4))
-    noise = np.zeros((speed.size, 4, 4))
-    for x in (0, 2):
+    matrix = np.zeros((speed.size, 2 * dimensions, 2 * dimensions))
+    noise = np.zeros_like(matrix)
+    for x in range(0, 2 * dimensions, 2):
         v = x + 1
         matrix[:, x, x] = 1.0
         matrix[:, x, v] = memory * lost

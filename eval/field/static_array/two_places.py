@@ -12,7 +12,7 @@ from tagtrack.eval.field.static_array.likelihood import Likelihood, make_likelih
 from tagtrack.eval.field.static_array.maximum_likelihood import descend, start_places
 from tagtrack.eval.field.static_array.model import ArraySetting, Floats, Pings
 
-MARGIN = 6.9  # of the cost, by which another place may fit worse and still be the true one: half the 99.9 % quantile of chi2(2)
+MARGIN = {2: 6.9, 3: 8.1}  # of the cost, by which another place may fit worse and still be true: half of chi2's 99.9 % quantile
 APART = 3.0  # standard deviations of the estimate, nearer than which another minimum is the same place
 LEAST_APART = 2.0  # [m]
 BEYOND = 4.5  # standard deviations, farther than which a place in the same valley is another one: its ellipse is too short
@@ -33,7 +33,7 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
     likelihood = make_likelihood(pings, receivers, setting)
     others = np.full_like(position, np.nan)
     spare = likelihood.known_differences - likelihood.dimensions
-    breadth = _breadths(np.asarray(receivers, np.float64), np.isfinite(np.asarray(pings.arrival)))
+    breadth, margin = _breadths(likelihood.receivers, np.isfinite(np.asarray(pings.arrival))), MARGIN[likelihood.dimensions]
     rows = np.flatnonzero(np.isfinite(position).all(axis=1) & ((spare <= 1) | (breadth < FLAT)))
     if not rows.size:
         return others
@@ -47,7 +47,7 @@ def other_places(pings: Pings, receivers: ArrayLike, setting: ArraySetting, posi
     for row, place in _descend_apart(part, own, near, starts):
         value = part.take(row).cost(place)
         away = np.linalg.norm(place - own[row], axis=1)
-        better = (away > near[row]) & (value <= cost[row] + MARGIN) & (value < best[row])
+        better = (away > near[row]) & (value <= cost[row] + margin) & (value < best[row])
         best[row[better]] = value[better]
         others[rows[row[better]]] = place[better]
     for way in (-1.0, 1.0):
@@ -105,7 +105,7 @@ def _follow_valley(likelihood: Likelihood, position: Floats, sd: Floats, way: fl
             across = now.gradient - np.einsum("kn,kn->k", now.gradient, along)[:, None] * along
             stiff = np.linalg.eigvalsh(now.information)[:, -1]
             trial = trial - across / np.maximum(stiff, 1e-12)[:, None]
-        within = np.isfinite(trial).all(axis=1) & (part.cost(trial) <= cost[rows] + MARGIN)
+        within = np.isfinite(trial).all(axis=1) & (part.cost(trial) <= cost[rows] + MARGIN[likelihood.dimensions])
         place[rows[within]], course[rows] = trial[within], along
         going[rows[~within]] = False
     return place

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tagtrack.eval.field.static_array.detections import Codes, Detections
-from tagtrack.eval.field.telemetry.layouts import LATEST, OWN, Block, Names, read_blocks
+from tagtrack.eval.field.telemetry.layouts import OWN, Block, Names, read_blocks
+from tagtrack.eval.field.telemetry.stamps import LATEST, name_days
+from tagtrack.eval.field.telemetry.zones import remark_on_zones
 from tagtrack.policies.files import replace_file
 
 _BLOCK = 1 << 16  # rows written at a time
@@ -43,7 +45,9 @@ class Reading:
         time = self.detections.time
         if (time == np.floor(time)).all():
             remarks.append("all times are whole seconds: sound travels 1.5 km in one, too far to localize anything")
-        return remarks
+        if days := name_days(float(time[0]), float(time[-1])):
+            remarks.append(f"times from {time[0]:.2f} to {time[-1]:.2f} s, all in 1970, look like {days}: if so, give seconds")
+        return remarks + remark_on_zones(self.detections)
 
 
 def read_detections(paths: Sequence[Path]) -> Detections:

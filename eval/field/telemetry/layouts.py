@@ -10,60 +10,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tagtrack.envs.csv_table import CsvTable, open_csv, printable_name, shown
 from tagtrack.eval.field.static_array.detections import Codes, Floats
+from tagtrack.eval.field.telemetry.stamps import is_time, unix_seconds, utc_seconds, zone_of_column
 
-LATEST = 1e11  # s since 1970: later times (year 5138) are in another unit
 BLOCK = 1 << 16  # rows read at a time: some 20 MB as text
-_UTC = re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d)(\.\d{1,9})?(?:Z|[+-]00:?00)?", re.ASCII)
-_OFFSET = re.compile(r".*:\d\d(\.\d+)? ?[+-]\d\d:?\d\d", re.ASCII)
-_NO_SECONDS = re.compile(r"\S+[ T]\d{1,2}:\d\d", re.ASCII)
-_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}", re.ASCII)
 _RESNEP_FILE = re.compile(r"detections_([^_]+)_.+\.txt")
 
 Block = tuple[Floats, Codes, Codes]
-
-
-def unix_seconds(texts: Sequence[str]) -> Floats:
-    """Seconds since 1970. The error speaks of the first text: it is for the reader who has narrowed it down to one row."""
-    try:
-        time = np.fromiter(map(float, texts), np.float64, len(texts))
-    except ValueError:
-        raise ValueError(f"the time must be in seconds since 1970, got {shown(texts[0])}") from None
-    if not ((time >= 0) & (time < LATEST)).all():
-        raise ValueError(f"the time must be in seconds since 1970, from 0 to {LATEST:.0e}, got {shown(texts[0])}")
-    return time
-
-
-def utc_seconds(texts: Sequence[str]) -> Floats:
-    """Seconds since 1970 of times in UTC, as the nearest float64: 2019-09-09 16:04:12.574 is 1568045052.574."""
-    try:
-        parts = [_UTC.fullmatch(text) for text in texts]
-        if all(parts):
-            plain = [found[1] + (found[2] or "") for found in parts if found is not None]
-            fine = max(map(len, plain)) > len("2019-09-09 16:04:12.574123")
-            unit, second = ("ns", 1e9) if fine else ("us", 1e6)
-            time = np.array(plain, dtype=f"datetime64[{unit}]").astype(np.int64) / second
-            if (time >= 0).all():
-                return time
-    except ValueError:  # the 30th of February
-        pass
-    raise ValueError(f"{_what_is_wrong(texts[0])}, got {shown(texts[0])}")
-
-
-def _what_is_wrong(text: str) -> str:
-    """Why a text is no time in UTC."""
-    if _OFFSET.fullmatch(text):
-        return "the time must be in UTC, not in another zone; export it so"
-    if _NO_SECONDS.fullmatch(text):
-        return "the time has no seconds, as a spreadsheet writes it; export the file again, and do not save it from a spreadsheet"
-    if _DATE.fullmatch(text):
-        return "a date without a time of day, as a spreadsheet writes midnight; export the file again, and save it from none"
-    return "the time must be in UTC from 1970 on, like 2019-09-09 16:04:11.123"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,8 +162,13 @@ def recognize(table: CsvTable) -> DetectionFile:
         return DetectionFile(table, layout, None)
     if len(table.columns) == 1 and ";" in table.columns[0]:
         raise ValueError(f"{table.path}: fields are divided by semicolons; save it as csv with commas, and points in numbers")
-    if VUE.time not in table.columns and any(name.startswith("Date and Time") for name in table.columns):
-        raise ValueError(f"{table.path}: line 1 must name the column {VUE.time}, got {table.header}; export times in UTC")
+    plain = {_plain(name) for name in table.columns}
+    local = [name for name in table.columns if is_time(name) and _plain(name) not in (*CORRECTED_TIMES, *ZONES)]
+    if local and plain & set(RECEIVERS) and not plain & set(TIMES):
+        raise ValueError(
+            f"{table.path}: line 1: {local[0]!r} may be in a local time zone, which summer time shifts; export times in UTC, as "
+            f"{VUE.time!r}, or name the offset, as 'Date and Time (UTC-05:00)'"
+        )
     raise ValueError(
         f"{table.path}: line 1 must name the columns {','.join(OWN.columns)} (or those of an export of VUE, Fathom, GLATOS, OTN, "
         f"ETN, Thelma or actel), got {table.header}"
@@ -220,7 +184,9 @@ def find_layout(columns: Sequence[str]) -> Layout | None:
     def first(names: Sequence[str]) -> str | None:
         return next((by_name[name] for name in names if name in by_name), None)
 
-    time, receiver = first(TIMES), first(RECEIVERS)
+    time, receiver, offset = first(TIMES), first(RECEIVERS), 0.0
+    if time is None:
+        time, offset = next(((name, ahead) for name in columns if (ahead := zone_of_column(name)) is not None), (None, 0.0))
     tag = next((tuple(by_name[part] for part in parts) for parts in TAGS if all(part in by_name for part in parts)), None)
     if time is None or receiver is None or tag is None:
         return None
@@ -231,6 +197,7 @@ def find_layout(columns: Sequence[str]) -> Layout | None:
         tag=tag,
         corrected=first(CORRECTED_TIMES),
         zone=first(ZONES),
+        to_seconds=partial(utc_seconds, zone=offset) if offset else utc_seconds,
     )
 
 

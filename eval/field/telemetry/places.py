@@ -20,7 +20,7 @@ from tagtrack.envs.csv_table import CsvTable, Row, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.field.static_array.detections import Floats, shorten
 from tagtrack.eval.field.static_array.travel import SyncTag
-from tagtrack.eval.field.telemetry.layouts import utc_seconds
+from tagtrack.eval.field.telemetry.stamps import name_days, utc_seconds
 from tagtrack.live.plane import Plane, check_geodetic, degree_columns, position_columns
 
 Pair = tuple[str, str]
@@ -29,6 +29,9 @@ RECEIVER_COLUMNS = ("receiver", *METRES)
 OWN_TAG_COLUMNS = ("tag", "receiver")
 SYNC_TAG_COLUMNS = (*OWN_TAG_COLUMNS, *METRES)
 REFERENCE_COLUMNS = ("tag", *METRES)
+# Columns that tell how deep a receiver is, downwards, or its height, in small letters and digits alone; in metres.
+DEPTHS = ("depth", "depthm", "receiverdepth", "receiverdepthm", "instrumentdepth", "instrumentdepthm", "deploydepth")
+HEIGHTS = ("z", "zm", "height", "heightm", "elevation", "elevationm")
 # Columns of deployment tables that tell when a receiver stood where it is said to, in small letters alone.
 STARTS = ("start", "deploydatetime", "deploymentstart", "deploydate", "deployed", "from", "begin")
 STOPS = ("stop", "recoverdatetime", "deploymentend", "recoverdate", "recovered", "until", "end", "to")
@@ -47,11 +50,21 @@ class ReceiverPlaces:
     plane: Plane | None = None
     serials: tuple[str, ...] = ()  # what detections call each; the names if empty
     periods: tuple[tuple[float, float], ...] = ()  # from when to when each stood there [s]; always if empty
+    height: Floats | None = None  # (R,) z [m], upwards; NaN where it is not told; None without a column of depths
 
     @property
     def called(self) -> tuple[str, ...]:
         """What detections call each receiver."""
         return self.serials or self.names
+
+    def in_space(self) -> Floats:
+        """Places (R, 3) [m]. Raises ValueError where a receiver's depth is not known."""
+        if self.height is None:
+            raise ValueError("positions at depth take receivers with a column z or depth [m]; add it")
+        if not np.isfinite(self.height).all():
+            missing = tuple(name for name, z in zip(self.names, self.height, strict=True) if not np.isfinite(z))
+            raise ValueError(f"positions at depth take the depth of every receiver; add that of {shorten(missing)}")
+        return np.column_stack([self.position, self.height])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +97,8 @@ def read_receivers(path: str | Path) -> ReceiverPlaces:
     """Receivers in the order of a csv with columns ``receiver`` and ``x,y`` [m in any plane], others ignored.
 
     Or else, without x and y, ``lon,lat`` or ``longitude,latitude`` [degrees, WGS84]: in the plane about their mean. With columns
-    ``start,stop`` (UTC, or seconds since 1970; empty: open) a receiver may have several rows, one for each deployment.
+    ``start,stop`` (UTC, or seconds since 1970; empty: open) a receiver may have several rows, one for each deployment. A column
+    ``depth`` [m, downwards] or ``z`` [m, upwards] tells heights; what it holds is looked at when they are asked for.
 
     Raises:
         ValueError: for missing columns, no rows, a name that is empty or given twice at one time, a coordinate that is no finite
@@ -95,10 +109,11 @@ def read_receivers(path: str | Path) -> ReceiverPlaces:
     places: dict[str, Floats] = {}
     deployments: dict[str, list[tuple[float, float]]] = {}
     serials: list[str] = []
+    heights: list[float] = []
     with open_csv(path, "receiver", RECEIVER_COLUMNS) as table:
         _require_places(table, RECEIVER_COLUMNS)
-        axes, period = position_columns(table.columns), _period_columns(table.columns)
-        for row in table.rows(("receiver", *axes, *(period or ()))):
+        axes, period, told = position_columns(table.columns), _period_columns(table.columns), read_height(table.columns)
+        for row in table.rows(("receiver", *axes, *(period or ()), *((told[0],) if told else ()))):
             if not row.field["receiver"].strip():
                 raise ValueError(f"{row.where}: receiver must not be empty; leave out rows of moorings without a receiver")
             serial = row.name("receiver") if period else _new_name(row, "receiver", places)
@@ -106,6 +121,8 @@ def read_receivers(path: str | Path) -> ReceiverPlaces:
             if period:
                 earlier.append(_new_period(row, period, serial, earlier))
             serials.append(serial)
+            if told:
+                heights.append(told[1] * _number_or_nan(row.field[told[0]]))
             places[serial if len(earlier) < 2 else f"{serial} ({len(earlier)})"] = _coordinates(row, axes)
     if not places:
         raise ValueError(f"{path} holds no receivers; give one row for each")
@@ -115,11 +132,26 @@ def read_receivers(path: str | Path) -> ReceiverPlaces:
         position=np.array(list(places.values())),
         serials=tuple(serials),
         periods=tuple(next(taken[serial]) for serial in serials) if period else (),
+        height=np.array(heights) if told else None,
     )
     if axes == METRES:
         return whole
     plane = Plane.amid(whole.position)
     return replace(whole, position=_lay(whole.position, plane, path), plane=plane)
+
+
+def read_height(columns: Sequence[str]) -> tuple[str, float] | None:
+    """Which column tells z, and by what to multiply it: 1 where it is z, -1 where it is a depth; None where none does."""
+    by_name = {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in columns}
+    found = [(by_name[name], sign) for names, sign in ((HEIGHTS, 1.0), (DEPTHS, -1.0)) for name in names if name in by_name]
+    return found[0] if found else None
+
+
+def _number_or_nan(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def _period_columns(columns: Sequence[str]) -> tuple[str, str] | None:
@@ -138,7 +170,7 @@ def _new_period(row: Row, columns: tuple[str, str], serial: str, earlier: Sequen
             times.append(open_end)
             continue
         try:
-            times.append(float(text) if text.replace(".", "", 1).isdigit() else _seconds_of(text))
+            times.append(_seconds_of(text))
         except ValueError as error:
             raise ValueError(f"{row.where}: {column}: {error}") from None
     start, stop = times
@@ -150,6 +182,11 @@ def _new_period(row: Row, columns: tuple[str, str], serial: str, earlier: Sequen
 
 
 def _seconds_of(text: str) -> float:
+    """Seconds since 1970 of a number of them, a date or a stamp. Raises ValueError for what is none, or a number of days."""
+    if text.replace(".", "", 1).isdigit():
+        if days := name_days(float(text), float(text)):
+            raise ValueError(f"{text} looks like {days}, not seconds since 1970; give a date, as 2024-05-01")
+        return float(text)
     return float(utc_seconds([f"{text} 00:00:00" if len(text) == len("2019-09-09") else text])[0])
 
 

@@ -71,26 +71,41 @@ def write_tracks(
     tracks: Mapping[str, Track],
     plane: Plane | None = None,
     covariance: Mapping[str, Floats] | None = None,
+    height: Mapping[str, Floats | None] | None = None,
 ) -> None:
     """Write a csv as ``read_tracks`` takes it, gzip if the name ends in ``.gz``: one row for each finite position.
 
     Args:
         plane: if given, the file tells longitude and latitude instead of x and y.
-        covariance: by tag, (K, 2, 2) of the positions [m^2], for columns ``sd_x,sd_y,cov_xy``.
+        covariance: by tag, (K, n, n) of the positions [m^2], for columns ``sd_x,sd_y,cov_xy``.
+        height: by tag, (K,) z [m], for a column ``z``; where covariances have a third axis also ``sd_z,cov_xz,cov_yz``, else 0.
     Raises:
         ValueError: for a position too far from the plane's origin. OSError: if it cannot be written; an old file then stays.
     """
     with replace_csv(path) as file:
         writer = csv.writer(file, lineterminator="\n")
-        spread = ("sd_x", "sd_y", "cov_xy") if covariance else ()
+        spread = [*(["sd_x", "sd_y", "cov_xy"] if covariance else []), *(["z"] if height else [])]
+        spread += ["sd_z", "cov_xz", "cov_yz"] if covariance and height else []
         writer.writerow(("tag", "t_unix_s", *(("lon", "lat") if plane else ("x", "y")), *spread))
         for tag, time, position in _fixes(tracks):
             place = plane.to_geodetic(position) if plane else position
             columns = [time, *place.T]
+            known = np.isfinite(tracks[tag].position).all(axis=1)
             if covariance:
-                own = covariance[tag][np.isfinite(tracks[tag].position).all(axis=1)]
+                own = covariance[tag][known]
                 columns += [np.sqrt(own[:, 0, 0]).round(4), np.sqrt(own[:, 1, 1]).round(4), own[:, 0, 1].round(5)]
+            z = height[tag] if height else None
+            if z is not None:
+                columns.append(z[known].round(4))
+                columns += _depth_spread(covariance[tag][known]) if covariance else []
             writer.writerows((tag, *row) for row in zip(*(column.tolist() for column in columns), strict=True))
+
+
+def _depth_spread(covariance: Floats) -> list[Floats]:
+    """sd_z, cov_xz and cov_yz of covariances (K, n, n); 0 in the plane, where depths are given."""
+    if covariance.shape[1] < 3:
+        return [np.zeros(len(covariance))] * 3
+    return [np.sqrt(covariance[:, 2, 2]).round(4), covariance[:, 0, 2].round(5), covariance[:, 1, 2].round(5)]
 
 
 def write_movebank(

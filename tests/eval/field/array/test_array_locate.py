@@ -257,3 +257,23 @@ def test_an_estimator_and_a_layout_of_ones_own(campaign: Path, array: Run, monke
     own = ["--detections", str(campaign / "bars.txt"), "--layout", "own_field:bars", "--tags", "rest-1"]
     assert array("locate", "--reference", str(campaign / "reference.csv"), *own)[0] == 0
     assert summary(campaign)["rest-1"]["median_m"] < 2.0
+
+
+def test_a_tag_that_pings_sooner_than_sound_crosses_the_array_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Receivers 3 km apart, 2.83 s of sound along the diagonal, a ping each 1.5 s: neighbours in the window may be mixed up."""
+    places = {"A": (0, 0), "B": (3000, 0), "C": (3000, 3000), "D": (0, 3000)}
+    sent = BEGIN + 1.5 * np.arange(40)
+    rows = [
+        f"{time + np.hypot(x - 900, y - 700) / SOUND:.6f},{name},{tag}\n"
+        for tag, times in (("quick", sent), ("slow", sent[::4]))
+        for time in times
+        for name, (x, y) in places.items()
+    ]
+    (tmp_path / "d.csv").write_text("t_unix_s,receiver,tag\n" + "".join(rows))
+    (tmp_path / "r.csv").write_text("receiver,x,y\n" + "".join(f"{name},{x},{y}\n" for name, (x, y) in places.items()))
+    given = ["--detections", str(tmp_path / "d.csv"), "--receivers", str(tmp_path / "r.csv"), "--out", str(tmp_path / "out")]
+    assert main(["array", "locate", *given]) == 0
+    printed = capsys.readouterr().out
+    assert "note: quick pings each 1.50 s, sooner than sound crosses the array (2.83 s)" in printed
+    assert "slow pings" not in printed
+    assert summary(tmp_path)["quick"]["interval_s"] == pytest.approx(1.5, abs=1e-3)

@@ -12,6 +12,7 @@ from tagtrack.eval.field.static_array.matching import (
     impossible_differences,
     match_pings,
     remove_impossible,
+    usual_interval,
 )
 
 SQUARE = np.array([[0.0, 0.0], [150.0, 0.0], [0.0, 150.0], [150.0, 150.0]])
@@ -101,3 +102,12 @@ def test_bad_windows_and_mixed_tags_are_refused():
 def test_resolution_is_the_step_of_the_written_times(step, digits):
     time = 1.56e9 + np.random.default_rng(0).uniform(0, 1e6, 100)
     assert time_resolution(np.round(time, digits)) == pytest.approx(step)
+
+
+def test_the_interval_is_told_from_receivers_that_miss_pings_and_hear_echoes():
+    rng = np.random.default_rng(0)
+    sent = np.cumsum(rng.uniform(1.1, 1.3, 500))
+    rows = [(time + 0.3 * receiver, receiver) for time in sent for receiver in range(4) if rng.uniform() < 0.5]
+    rows += [(time + 0.03, receiver) for time, receiver in rows[::3]]
+    assert usual_interval(detections(rows)) == pytest.approx(1.2, abs=0.1)
+    assert usual_interval(detections([(1.0, 0), (1.2, 1)])) is None

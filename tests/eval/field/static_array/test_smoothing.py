@@ -89,7 +89,7 @@ def test_ping_that_the_walk_cannot_explain_is_left_out() -> None:
     assert track.refused[[3, 100]].all()
     assert np.linalg.norm(track.position - clean.position, axis=1).max() < 2.0  # what two of two hundred pings weigh
     assert clean.refused.mean() <= 0.02  # GATE refuses one in a thousand
-    assert pytest.approx(0.001, rel=0.02) == np.exp(-GATE / 2)
+    assert pytest.approx(0.001, rel=0.02) == np.exp(-GATE[2] / 2)
 
 
 def test_track_can_be_given_at_other_times_than_the_pings() -> None:

@@ -16,6 +16,7 @@ from tagtrack.eval.field.array.reading import fit_names
 from tagtrack.eval.field.static_array.detections import Detections
 from tagtrack.eval.field.telemetry import read_detections, read_telemetry, write_detections
 from tagtrack.eval.field.telemetry.layouts import BLOCK
+from tagtrack.eval.field.telemetry.zones import hours_ahead, remark_on_zones
 
 HEAD = "t_unix_s,receiver,tag\n"
 OWN = HEAD + "1568045052.574,VR2W-128371,A69-1602-59336\n1568045164.142,VR2W-128355,A69-1602-59334\n"
@@ -163,10 +164,18 @@ def test_what_programs_do_to_a_csv_makes_no_difference(tmp_path, content):
         (HEAD + "1" * (1 << 21), ": line 2: not a csv text file"),
         (gzip.compress(OWN.encode())[:-12], ": damaged gzip file after line "),
         (gzip.compress(OWN.encode())[:20] + bytes(40), ": damaged gzip file after line 0"),
-        (VUE.replace("(UTC)", "(UTC-05:00)"), "export times in UTC"),
+        (VUE.replace("(UTC)", "(EST)"), ": line 1: 'Date and Time (EST)' may be in a local time zone"),
+        ("receiver,datecollected,timezone\n7,2024-05-01 10:00:00,UTC\n", ": line 1 must name the columns t_unix_s,receiver,tag"),
+        (VUE.replace("(UTC)", "(Local)"), "export times in UTC, as 'Date and Time (UTC)', or name the offset"),
+        (GLATOS.replace("timestamp_utc", "timestamp_local"), ": line 1: 'detection_timestamp_local' may be in a local time zone"),
         (VUE.replace("2019-09-09 16:04:12.574", "9/9/2019 16:04"), ": line 3: the time has no seconds, as a spreadsheet"),
         (VUE.replace("2019-09-09 16:04:12.574", "2019-09-09"), ": line 3: a date without a time of day, as a spreadsheet"),
-        (VUE.replace("16:04:12.574", "16:04:12.574+02:00"), ": line 3: the time must be in UTC, not in another zone"),
+        (VUE.replace("16:04:12.574", "16:04:12.574 EST"), ": line 3: the time must be in UTC from 1970 on"),
+        (VUE.replace("2019-09-09 16:04:12.574", "43717.66959"), ": line 3: the time is a number of days since 1899-12-30"),
+        (VUE.replace("2019-09-09 16:04:12.574", "1568045052.574"), "seconds since 1970; name its column t_unix_s"),
+        (OWN.replace("1568045052.574", "2019-09-09 16:04:12.574"), "; name a column of stamps in UTC Date and Time (UTC)"),
+        (OWN.replace("1568045052.574", "1568045052574"), "these look like milliseconds, divide them by 1e+03"),
+        (OWN.replace("1568045052.574", "1568045052574000"), "these look like microseconds, divide them by 1e+06"),
         (VUE.replace("2019-09-09 16:04", "2019-02-30 16:04"), "got '2019-02-30 16:04:12.574'"),
         (VUE.replace("2019-09-09 16:04", "1969-09-09 16:04"), "got '1969-09-09 16:04:12.574'"),
         (GLATOS.replace("59334", ""), ": line 3: tag must not be empty"),
@@ -357,6 +366,62 @@ def test_columns_are_known_by_what_vendors_and_portals_call_them(tmp_path, name)
     found = read_detections([tmp_path / "d.csv"])
     assert (found.receivers[found.receiver[0]], found.tags[found.tag[0]]) == (receiver, tag)
     assert found.time.tolist() == [1714557600.101]
+
+
+@pytest.mark.parametrize(
+    ("column", "stamp"),
+    [
+        ("Date and Time (UTC)", "2024-05-01 12:00:00.101+02:00"),
+        ("Date and Time (UTC)", "2024-05-01T06:30:00.101-0330"),
+        ("timestamp", "2024-05-01 12:00:00.101 +02"),
+        ("Date and Time (UTC+2)", "2024-05-01 12:00:00.101"),
+        ("Date and Time (UTC-03:30)", "2024-05-01 06:30:00.101"),
+        ("Date and Time (GMT+10:00)", "2024-05-01T10:00:00.101Z"),  # the stamp itself says what it is
+    ],
+)
+def test_stamps_and_columns_that_tell_their_offset_from_utc_are_read_to_the_letter(read, column, stamp):
+    assert read(f"{column},Receiver,Transmitter\n{stamp},R,5\n").detections.time.tolist() == [1714557600.101]
+
+
+@pytest.mark.parametrize(
+    ("first", "says"),
+    [(45413.41667, "spreadsheet"), (19844.41667, "R counts"), (739373.41667, "MATLAB"), (2460431.91667, "Julian")],
+)
+def test_days_given_as_seconds_are_remarked_and_seconds_are_not(read, first, says):
+    days = read(HEAD + f"{first},R,a\n{first + 60.5},R,a\n")
+    assert any(says in remark and "if so, give seconds" in remark for remark in days.remarks)
+    assert read(OWN).remarks == [] and read(HEAD + "10.25,R,a\n9000.5,R,a\n").remarks == []
+
+
+def campaign(ahead: dict[str, float], late: dict[str, float]) -> Detections:
+    """Two tags of random intervals at five receivers that miss a third, some hours ahead of UTC or seconds late."""
+    rng = np.random.default_rng(0)
+    names = ("R0", "R1", "R2", "R3", "R4")
+    sent = [(tag, each) for tag in (0, 1) for each in np.cumsum(rng.uniform(60, 120, 400))]
+    heard = [(1.7e9 + each + rng.uniform(0, 0.3) + 3600 * ahead.get(name, 0) + late.get(name, 0), r, tag)
+             for tag, each in sent for r, name in enumerate(names) if rng.uniform() < 0.67]  # fmt: skip
+    time, receiver, tag = (np.array(column) for column in zip(*sorted(heard), strict=True))
+    return Detections(
+        time=time, receiver=receiver.astype(np.int32), tag=tag.astype(np.int32), receivers=names, tags=("a", "b")
+    )
+
+
+def test_receivers_in_another_time_zone_are_named_and_drifting_clocks_are_not():
+    assert hours_ahead(campaign({}, {})) == {}
+    assert hours_ahead(campaign({}, {"R1": 40.0, "R2": -103.0})) == {}
+    found = hours_ahead(campaign({"R1": 2.0, "R3": -3.5}, {}))
+    assert found == {"R1": 2.0, "R3": -3.5}
+    [behind, ahead] = remark_on_zones(campaign({"R1": 2.0, "R3": -3.5}, {}))
+    assert "R1 are 2 h ahead of" in ahead and "R3 are 3.5 h behind" in behind and "export all in UTC" in ahead
+
+
+def test_a_tag_that_pings_each_minute_tells_no_zone():
+    time = 1.7e9 + 60.0 * np.arange(400)
+    heard = Detections(
+        time=np.concatenate([time, time + 7200.1]), receiver=np.repeat(np.array([0, 1], np.int32), 400),
+        tag=np.zeros(800, np.int32), receivers=("A", "B"), tags=("a",),
+    )  # fmt: skip
+    assert hours_ahead(heard) == {}
 
 
 def test_nine_digits_of_a_second_are_read_and_other_zones_refused(tmp_path):

@@ -232,6 +232,7 @@ def test_a_receiver_that_was_put_down_anew_stands_where_it_stood_then(tmp_path, 
     assert found.receiver.tolist() == [0, 2, 1, 2] and found.time.tolist() == [april, april, may, may]
     assert "2 detections are left out: their receivers were not deployed then" in capsys.readouterr().out
     for rows, message in (
+        ("R0,0,0,45413.5,\n", "line 2: start: 45413.5 looks like days since 1899-12-30, as a spreadsheet counts"),
         ("R0,0,0,2024-04-01,2024-05-02\nR0,1,1,2024-05-01,\n", "line 3: receiver 'R0' is given twice at one time"),
         ("R0,0,0,2024-05-01,2024-04-01\n", "line 2: start 2024-05-01 must be before stop 2024-04-01"),
         ("R0,0,0,May,\n", "line 2: start: the time must be in UTC"),
