@@ -20,6 +20,7 @@ RIVALS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "TagTrack/GliderPair-v0": ("circle:centroid=1,radius=33.1", "uncertain", "information:34"),
         "TagTrack/TimeOfFlight-v0": ("three_step", "pursuit", "circle:10", "information:10"),
         "TagTrack/RangeOnly-v0": ("three_step", "circle:40", "information:23"),
+        "TagTrack/RangeOnlyGlider-v0": ("three_step", "circle:40", "information:33"),
         "TagTrack/AreaOnly-v0": ("circle", "circle:335", "information:2"),  # the first at 0.8 of the range, as in the paper
         "TagTrack/AreaOnlyUnknownRange-v0": ("circle", "circle:296", "information:3"),
     }
