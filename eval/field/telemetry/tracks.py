@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tagtrack.envs.csv_table import open_csv
+from tagtrack.envs.csv_table import name_cell, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.field.static_array.detections import Floats
 from tagtrack.eval.field.telemetry.detections import replace_csv
@@ -90,7 +90,7 @@ def write_tracks(
             if covariance:
                 own = covariance[tag][np.isfinite(tracks[tag].position).all(axis=1)]
                 columns += [np.sqrt(own[:, 0, 0]).round(4), np.sqrt(own[:, 1, 1]).round(4), own[:, 0, 1].round(5)]
-            writer.writerows((tag, *row) for row in zip(*(column.tolist() for column in columns), strict=True))
+            writer.writerows((name_cell(tag), *row) for row in zip(*(column.tolist() for column in columns), strict=True))
 
 
 def write_movebank(
@@ -112,7 +112,7 @@ def write_movebank(
             stamp = np.round(time * 1e3).astype(np.int64).astype("datetime64[ms]")
             for when, (longitude, latitude) in zip(np.datetime_as_string(stamp), plane.to_geodetic(position), strict=True):
                 place = f"{longitude:.8f}", f"{latitude:.8f}"
-                writer.writerow((when.replace("T", " "), *place, _SENSOR, individual, tag))
+                writer.writerow((when.replace("T", " "), *place, _SENSOR, name_cell(individual), name_cell(tag)))
 
 
 def _fixes(tracks: Mapping[str, Track]) -> Iterator[tuple[str, Floats, Floats]]:
