@@ -136,21 +136,24 @@ def written(name: str, content: bytes | str) -> Path:
 
 
 TIMES = [1.6e9 + 10 * k for k in range(12)]
+TRACK = "t_unix_s,x,y,tag\n" + "".join(f"{t},{k},{-k},a\n" for k, t in enumerate(TIMES))
+DETECTIONS = "t_unix_s,receiver,tag\n" + "".join(f"{t},N,a-{k}\n" for k, t in enumerate(TIMES))
+VUE = "Date and Time (UTC),Receiver,Transmitter\n"
+VUE += "".join(f"2019-09-09 16:04:{k:02d},VR2W-1,A69-1601-{k}\n" for k in range(10))
+LOG = "t,x,y,heading,speed,tag,bearing_units,strength\n0,0,0,90,1,,,\n1,1,0,90,1,7,-3,40\n2,2,0,90,1,7,2,50\n"
+LOG_LINES = '{"t": 0, "x": 0, "y": 0, "heading": 90, "speed": 1}\n{"t": 1, "tag": "7", "strength": 40}\n'
 TABLES: dict[str, tuple[Callable[[Path], object], str]] = {
-    "track.csv": (read_tracks, "t_unix_s,x,y,tag\n" + "".join(f"{t},{k},{-k},a\n" for k, t in enumerate(TIMES))),
-    "detections.csv": (lambda path: read_detections([path]), "t_unix_s,receiver,tag\n" + "".join(f"{t},N,a-{k}\n" for k, t in enumerate(TIMES))),
-    "vue.csv": (
-        lambda path: read_detections([path]),
-        "Date and Time (UTC),Receiver,Transmitter\n" + "".join(f"2019-09-09 16:04:{k:02d},VR2W-1,A69-1601-{k}\n" for k in range(10)),
-    ),
+    "track.csv": (read_tracks, TRACK),
+    "detections.csv": (lambda path: read_detections([path]), DETECTIONS),
+    "vue.csv": (lambda path: read_detections([path]), VUE),
     "receivers.csv": (read_receivers, "receiver,x,y,depth\nN,0,100,5\nS,0,-100,5\nE,100,0,5\n"),
     "degrees.csv": (read_receivers, "receiver,lon,lat,depth\nN,1.5,41.2,5\nS,1.501,41.201,5\n"),
     "reference.csv": (read_reference, "tag,x,y\na,1,2\nb,3,4\n"),
     "arrivals.csv": (read_arrivals, "t_s,code\n1,117\n3,121\n5,117\n"),
     "sound.csv": (lambda path: read_sound_speed(str(path)), "t_unix_s,sound_speed\n1600000000,1500\n1600000900,1510\n"),
-    "log.csv": (lambda path: read_log([path]), "t,x,y,heading,speed,tag,bearing_units,strength\n0,0,0,90,1,,,\n1,1,0,90,1,7,-3,40\n2,2,0,90,1,7,2,50\n"),
-    "log.jsonl": (lambda path: read_log([path]), '{"t": 0, "x": 0, "y": 0, "heading": 90, "speed": 1}\n{"t": 1, "tag": "7", "strength": 40}\n'),
-}  # fmt: skip
+    "log.csv": (lambda path: read_log([path]), LOG),
+    "log.jsonl": (lambda path: read_log([path]), LOG_LINES),
+}
 
 
 def try_table(asked: tuple[str, bool, list[tuple[float, int, bytes]]]) -> None:
@@ -197,10 +200,12 @@ policies = st.tuples(st.booleans(), st.just([]) | edits, st.just([]) | json_edit
 
 CONFIG = {
     "env": SHARK, "algo": "ppo", "steps": 2000, "seed": 0, "num_envs": 8, "particles": 32, "tracks": None, "time_scale": None,
-    "set": ["episode_steps=12"], "hyper": ["rollout=512"], "out": "run", "threads": 1, "device": "cpu", "settings": {}, "scenario": {},
+    "set": ["episode_steps=12"], "hyper": ["rollout=512"], "out": "run", "threads": 1, "device": "cpu", "settings": {},
+    "scenario": {},
 }  # fmt: skip
 LATEST = {
-    "folder": "steps_512", "steps": 512, "seconds": 1.5, "best_reward": -0.1, "best_error_m": 5.0, "next_validation": 600, "signature": "0" * 64,
+    "folder": "steps_512", "steps": 512, "seconds": 1.5, "best_reward": -0.1, "best_error_m": 5.0, "next_validation": 600,
+    "signature": "0" * 64,
 }  # fmt: skip
 PROGRESS = (
     "steps,seconds,steps_per_s,train_error_m,train_reward_per_step,validation_error_m,validation_reward_per_step,best_error_m\n"
@@ -256,7 +261,8 @@ READERS = {
 }
 LINES = [
     *(RECEIVERS[name]().write(Heard(1.6e9 + 0.25, "1285"), 7) for name in RECEIVERS),
-    b"$OSI,1,2*00\r\n", b'{"t": 1, "x": 2, "y": 3, "heading": 90, "speed": 1}\n', b"AUV1,NAV_X=1,NAV_Y=2,NAV_HEADING=90,NAV_SPEED=1\n",
+    b"$OSI,1,2*00\r\n", b'{"t": 1, "x": 2, "y": 3, "heading": 90, "speed": 1}\n',
+    b"AUV1,NAV_X=1,NAV_Y=2,NAV_HEADING=90,NAV_SPEED=1\n",
 ]  # fmt: skip
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from tagtrack.eval.cli import main as evaluate
 from tagtrack.policies.files import load_policy
+from tagtrack.train import session
 from tagtrack.train.cli import main as train
 
 Line = Callable[[Path], int]
@@ -80,11 +81,16 @@ class Train(Command):
         pass
 
     def line(self, out: Path) -> int:
+        session.TABLE_EPISODES = 4  # it is not about them
         return train([*self.asked, *SMALL, "--out", str(out)])
 
     def go_on(self, out: Path) -> Line:
         resumes = (out / "config.json").exists()
-        return (lambda out: train(["--resume", str(out)])) if resumes else self.line
+        return self._resume if resumes else self.line
+
+    def _resume(self, out: Path) -> int:
+        session.TABLE_EPISODES = 4
+        return train(["--resume", str(out)])
 
     def require_whole(self, out: Path) -> None:
         # A checkpoint that ``latest.json`` does not name yet may be half written.
@@ -161,8 +167,8 @@ def write_campaign(folder: Path) -> None:
 SHORT = ("--set", "episode_steps=10", "--particles", "40", "--episodes", "4")
 FIELD = ("--detections", "HERE/detections.csv", "--receivers", "HERE/receivers.csv")
 COMMANDS: dict[str, Command] = {
-    "train": Train("--steps", "2000", "--hyper", "rollout=512"),
-    "train sac": Train("--steps", "240", "--algo", "sac", "--hyper", "learning_starts=64", "gradient_steps=1"),
+    "train": Train("--steps", "600", "--hyper", "rollout=128"),
+    "train sac": Train("--steps", "120", "--algo", "sac", "--hyper", "learning_starts=64", "gradient_steps=1"),
     "eval benchmark": Evaluate(
         "benchmark", *SHORT, "--policies", "pursuit", "circle", before=("benchmark", *SHORT, "--policies", "random")
     ),
