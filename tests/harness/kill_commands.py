@@ -147,7 +147,12 @@ class Evaluate(Command):
         return self.line
 
     def results(self, out: Path) -> dict[str, Any]:
-        return {path.name: path.read_bytes().replace(str(out.parent).encode(), b"") for path in sorted(out.iterdir())}
+        found: dict[str, Any] = {path.name: path.read_bytes() for path in sorted(out.iterdir())}
+        for name in found:
+            if name.endswith(".json"):  # the commit may be another one by now, the folder is
+                told = json.loads(found[name].decode().replace(str(out.parent), ""))
+                found[name] = {key: value for key, value in told.items() if key != "versions"}
+        return found
 
 
 def write_campaign(folder: Path) -> None:
