@@ -23,6 +23,9 @@ _GZIP = b"\x1f\x8b"
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _LONGEST_LINE = 1 << 20  # characters: what is longer is no csv
 _SHOWN = 200  # characters of a field in an error message
+_MOST_ROWS = 10_000_000  # of a table that is read row by row: 2 GB in memory
+_SWELLS, _MOST_SWOLLEN = 1 << 26, 200  # a gzip file may unpack to the first [characters], or so many times its size; data do 30
+_FORMULA = ("=", "+", "-", "@")  # what a spreadsheet takes a cell for a formula by
 
 
 @dataclass(frozen=True)
@@ -63,11 +66,24 @@ def printable_name(text: str, column: str) -> str:
         ValueError: if it is empty, or holds control characters or bytes that are not UTF-8.
     """
     name = text.strip()
+    if name.startswith(tuple("'" + mark for mark in _FORMULA)):
+        name = name[1:]  # as ``name_cell`` wrote it
     if not name:
         raise ValueError(f"{column} must not be empty")
     if not name.isprintable():
         raise ValueError(f"{column} must be printable text in UTF-8, got {shown(name)}")
     return name
+
+
+def name_cell(name: str) -> str:
+    """A name as it is written into a csv file: no spreadsheet takes it for a formula. ``printable_name`` reads it back."""
+    return f"'{name}" if name.startswith(_FORMULA) else name
+
+
+def name_field(name: str) -> str:
+    """The same with quotes where it holds a comma or quotes, for a line that is put together by hand."""
+    cell = name_cell(name)
+    return '"' + cell.replace('"', '""') + '"' if set(cell) & set(',"') else cell
 
 
 class CsvTable:
@@ -107,6 +123,8 @@ class CsvTable:
         """Row by row, these columns of it."""
         places = self.place(columns)
         for block, lines in self.blocks(1 << 12):
+            if lines[-1:] and lines[-1] > _MOST_ROWS:
+                raise ValueError(f"{self.path} has more than {_MOST_ROWS:,} rows; divide it")
             for fields, line in zip(block, lines, strict=True):
                 yield Row({name: fields[at] for name, at in zip(columns, places, strict=True)}, f"{self.path}: line {line}")
 
@@ -180,12 +198,18 @@ def open_csv(path: str | Path, kind: str, columns: Sequence[str], *, ragged: boo
         content = cast(BinaryIO, gzip.GzipFile(fileobj=file)) if packed else file
         # Bytes that are not UTF-8 become lone surrogates: harmless in a column nobody reads, refused in a name.
         text = io.TextIOWrapper(content, encoding="utf-8-sig", errors="surrogateescape", newline="")
-        yield CsvTable(path, _lines(path, text), ragged=ragged)
+        most = max(_SWELLS, _MOST_SWOLLEN * path.stat().st_size) if packed else math.inf
+        yield CsvTable(path, _lines(path, text, most), ragged=ragged)
 
 
-def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
-    number = 1
+def _lines(path: Path, text: io.TextIOWrapper, most: float) -> Iterator[str]:
+    number, read = 1, 0
     while line := text.readline(_LONGEST_LINE):
+        read += len(line)
+        if read > most:
+            raise ValueError(
+                f"{path}: unpacks to more than {_MOST_SWOLLEN} times its size, as no data do; if it is sound, give it unpacked"
+            )
         if len(line) == _LONGEST_LINE or "\0" in line:
             raise ValueError(f"{path}: line {number}: not a csv text file; save it as csv in UTF-8")
         yield line

@@ -20,6 +20,7 @@ from tagtrack.envs.single import LARGEST_DRAWN_SEED
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
 from tagtrack.envs.telling import tell_vehicles
+from tagtrack.envs.validation import as_actions, brief
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -231,9 +232,9 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 def _as_action(agent: str, action: Any, shape: tuple[int, ...]) -> np.ndarray:
     """One agent's action. Raises ValueError that names the agent."""
     try:
-        found = np.asarray(action, np.float32)
-    except (TypeError, ValueError):
-        raise ValueError(f"the action of {agent} must be numbers, got {action!r:.80}") from None
+        found = as_actions(action)
+    except ValueError:
+        raise ValueError(f"the action of {agent} must be numbers, got {brief(action)}") from None
     if found.shape != shape:
         raise ValueError(f"the action of {agent} must have shape {shape}, got {found.shape}")
     if not np.isfinite(found).all():

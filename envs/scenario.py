@@ -28,7 +28,11 @@ from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.modem import Modem, ModemRule, PerfectModem, modem_rule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import brief, require, settle_numbers
+
+LONGEST_STEP = 1e5  # [s], a little more than a day
+MOST_STEPS = 10**7  # of an episode
+MOST_CORRECTIONS = 10_000  # of the heading, in a time step
 
 
 class Formation(enum.IntEnum):
@@ -102,15 +106,18 @@ class Scenario:
     lost_error: float = 100.0  # beyond it the fish counts as lost [m]: further off than a receiver reaches (4.1)
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        settle_numbers(self, time_step=LONGEST_STEP)
         for name in ("time_step", "lost_error"):
             require(getattr(self, name) > 0, self, name, "positive")
-        for name in ("episode_steps", "vehicles", "targets"):
+        for name, most in (("episode_steps", MOST_STEPS), ("vehicles", MOST), ("targets", MOST)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ValueError(f"Scenario.{name} must be a whole number of at least 1, got {value!r}")
-        for name in ("vehicles", "targets"):
-            require(getattr(self, name) <= MOST, self, name, f"at most {MOST}")
+                raise ValueError(f"Scenario.{name} must be a whole number of at least 1, got {brief(value)}")
+            if value > most:
+                raise ValueError(f"Scenario.{name} must be at most {most}, got {brief(value)}")
+        finest = self.time_step / MOST_CORRECTIONS
+        rule = f"at least {finest:g} s, a {MOST_CORRECTIONS}th of the time step"
+        require(self.vehicle.control_interval >= finest, self.vehicle, "control_interval", rule)
         if not isinstance(self.fish, (Motion, Path)):
             raise ValueError(f"Scenario.fish must be a Motion or a Path, got {self.fish!r}")
         self._check_receiver()

@@ -21,6 +21,7 @@ from tagtrack.envs.motions.replay import NO_TRACKS, TrackTable, make_table
 from tagtrack.envs.motions.tracks import Track
 from tagtrack.envs.rewards.term import OUTCOME
 from tagtrack.envs.scenario import Scenario
+from tagtrack.envs.validation import brief, whole_number
 from tagtrack.envs.workers import Workers
 from tagtrack.envs.world import reset_worlds, step_worlds
 from tagtrack.envs.world_rule import world_rule
@@ -117,14 +118,14 @@ class Simulation:
         return self.outputs.observation
 
     def _seeds(self, seed: int | Sequence[int]) -> np.ndarray:
-        if isinstance(seed, (int, np.integer)):
-            seeds = [int(seed) + i for i in range(self.num_worlds)]
+        if isinstance(seed, (Sequence, np.ndarray)) and not isinstance(seed, (str, bytes)):
+            seeds = [whole_number(each, "a seed") for each in seed]
         else:
-            seeds = [int(each) for each in seed]
+            seeds = [whole_number(seed, "seed") + i for i in range(self.num_worlds)]
         if len(seeds) != self.num_worlds:
             raise ValueError(f"there must be one seed for each of {self.num_worlds} worlds, got {len(seeds)}")
         if not 0 <= min(seeds) <= max(seeds) <= LARGEST_SEED:
-            raise ValueError(f"seeds must be from 0 to {LARGEST_SEED}, got {min(seeds)} to {max(seeds)}")
+            raise ValueError(f"seeds must be from 0 to {LARGEST_SEED}, got {brief(min(seeds))} to {brief(max(seeds))}")
         return np.array(seeds, np.uint64)
 
     def step(self, actions: np.ndarray) -> None:

@@ -17,6 +17,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.task import Task, TaskOptions, build_task
 from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
+from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -187,7 +188,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if not self._begun:
             raise gymnasium.error.ResetNeeded("call reset before step")
         simulation = self.simulation
-        simulation.step(np.asarray(action, np.float32)[self._lifted])
+        simulation.step(as_actions(action)[self._lifted])
         info = self._info()
         if self._is_lone:
             terms = self._outputs.terms[0, 0]

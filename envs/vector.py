@@ -15,6 +15,7 @@ from tagtrack.envs.single import LARGEST_DRAWN_SEED
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
 from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
+from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -106,7 +107,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             ended = np.flatnonzero(self._ended).tolist()
             raise ResetNeeded(f'the episodes of worlds {ended} have ended; reset(options={{"reset_mask": mask}}) them')
         simulation = self.simulation
-        actions = np.asarray(actions, np.float32)
+        actions = as_actions(actions)
         simulation.step(actions[:, np.newaxis] if len(self._own) == 2 else actions)
         fresh = np.zeros(self.num_envs, bool)  # worlds whose observation is the first of an episode
         if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._ended.any():

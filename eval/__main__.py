@@ -1,4 +1,12 @@
-from tagtrack.eval.cli import main
+"""`python -m eval`."""
+
+import sys
+
+try:
+    from tagtrack.eval.cli import main
+except ImportError as missing:  # a package, or numba's leave to compile
+    print(f"error: {missing}", file=sys.stderr)
+    sys.exit(2)
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,9 +11,12 @@ from typing import Annotated, Any
 import rich
 import tyro
 
+from tagtrack.envs.validation import brief
 from tagtrack.eval.report import as_console_table, interval_cell
 from tagtrack.eval.statistics.comparisons import estimate_of, geometric_mean
 from tagtrack.eval.statistics.estimate import Estimate
+
+LARGEST = 1e12  # of a figure that a file may tell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +50,24 @@ def read_benchmark(folder: Path) -> dict[str, Any]:
         raise FileNotFoundError(f"no benchmark in {folder}: it has no benchmark.json")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        if not (isinstance(document["ratios"], dict) and document["env"] and document["policies"]):
-            raise ValueError("it is empty")
-    except (ValueError, KeyError, TypeError) as error:
+        for name, kind in (("env", str), ("policies", dict), ("ratios", dict)):
+            if not (isinstance(document[name], kind) and (document[name] or name == "ratios")):
+                raise ValueError(f"{name} is {brief(document[name])}")
+        for pair, ratio in document["ratios"].items():
+            if not _is_ratio(ratio):
+                raise ValueError(f"the ratio {pair} is {brief(ratio)}")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"{path} is not what `eval benchmark` writes ({error}); run it again") from None
     return dict(document)
+
+
+def _is_ratio(ratio: Mapping[str, Any]) -> bool:
+    """Whether it has a value between its limits, or no interval, and degrees of freedom, or none."""
+    value, low, high, freedom = ratio["value"], ratio["low"], ratio["high"], ratio.get("freedom")
+    told = [figure for figure in (value, low, high, freedom) if figure is not None]
+    if not all(type(figure) in (int, float) and 0 < figure < LARGEST for figure in told):
+        return False
+    return low is high is None or (None not in (value, low, high) and low <= value <= high)
 
 
 def ratio_of(document: dict[str, Any], policy: str, folder: Path) -> Estimate:

@@ -202,7 +202,7 @@ def read_curve(run: Path) -> tuple[np.ndarray, np.ndarray] | None:
     try:
         with (run / "progress.csv").open(encoding="utf-8", newline="") as file:
             rows = [(float(row["steps"]), float(row["validation_error_m"])) for row in csv.DictReader(file)]
-    except (OSError, KeyError, ValueError):
+    except (OSError, KeyError, ValueError, TypeError, csv.Error):  # a file that was edited, or is being written
         return None
     steps, errors = np.array(rows).reshape(-1, 2).T
     return steps, errors

@@ -51,8 +51,24 @@ class TradeoffCurve:
 
 def save_figure(path: str | os.PathLike[str], figure: Figure) -> None:
     """Write a figure as PNG, whole or not at all."""
+    _take_names_as_they_are(figure)
     with replace_file(path) as temporary:
         figure.savefig(temporary, format="png", dpi=150)
+
+
+def _take_names_as_they_are(figure: Figure) -> None:
+    """No text of ours is a formula, but for the powers of ten of logarithmic axes: of a tag "$1$" the dollars are part."""
+    from matplotlib.text import Text
+    from matplotlib.ticker import LogFormatter
+
+    powers: set[Text] = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if isinstance(axis.get_major_formatter(), LogFormatter):
+                powers |= {*axis.get_ticklabels(which="major"), *axis.get_ticklabels(which="minor")}
+    for text in figure.findobj(Text):
+        if text not in powers:
+            text.set_parse_math(False)  # type: ignore[attr-defined]
 
 
 SHARES = np.linspace(0.02, 0.98, 49)  # of steps, at which the distribution of errors has a band

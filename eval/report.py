@@ -210,10 +210,15 @@ def markdown_table(document: Document) -> str:
 
 def as_markdown(header: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> str:
     """A table in GitHub's markdown, the first column left, figures right, a note below it."""
-    escaped = [[cell.replace("|", r"\|") for cell in row] for row in (header, *rows)]
+    escaped = [[_plain(cell) for cell in row] for row in (header, *rows)]
     rule = [":--", *["--:"] * (len(header) - 1)]
     lines = ["| " + " | ".join(row) + " |" for row in (escaped[0], rule, *escaped[1:])]
-    return "\n".join(lines) + f"\n\n{note}\n"
+    return "\n".join(lines) + f"\n\n{_plain(note)}\n"
+
+
+def _plain(text: str) -> str:
+    """Text as markdown shows it letter by letter: no name becomes a tag, a column, a link or a picture."""
+    return " ".join(text.split()).replace("<", "&lt;").replace("|", r"\|").replace("](", r"]\(")
 
 
 def console_table(document: Document) -> Table:

@@ -2,7 +2,11 @@
 
 import sys
 
-from tagtrack.live.cli import main
+try:
+    from tagtrack.live.cli import main
+except ImportError as missing:  # a package, or numba's leave to compile
+    print(f"error: {missing}", file=sys.stderr)
+    sys.exit(2)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -30,5 +30,8 @@ def main() -> int:
         return 2
     try:
         return int(importlib.import_module(f"tagtrack.{given[0]}.cli").main(given[1:]))
+    except ImportError as missing:  # a package, or numba's leave to compile
+        print(f"error: {missing}", file=sys.stderr)
+        return 2
     except SystemExit as stop:  # the help was shown
         return int(stop.code or 0)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tagtrack.envs.belief.assumptions import BELIEFS
-from tagtrack.envs.csv_table import open_csv
+from tagtrack.envs.csv_table import name_cell, open_csv
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import Task, build_task, parse_overrides
 from tagtrack.live.calibrated import RangeFinder, read_range_finder
@@ -320,8 +320,9 @@ def write_estimates(path: Path, replayed: Replayed) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for row in replayed.rows:
-        writer.writerow(["" if isinstance(value, float) and math.isnan(value) else value for value in row])
+    for t, tag, *figures in replayed.rows:
+        numbers = ("" if isinstance(value, float) and math.isnan(value) else value for value in figures)
+        writer.writerow([t, name_cell(tag), *numbers])
     path.write_text(text.getvalue(), encoding="utf-8")
 
 

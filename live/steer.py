@@ -224,15 +224,21 @@ def read_header(folder: Path) -> dict[str, Any]:
     if missing := [name for name in ASKED if name not in asked]:
         raise ValueError(f"{path} does not say {missing[0]}; begin a new mission")
     texts = ("env", "policy", "receiver", "vehicle", "safe", "stamp")
-    numbers = ("particles", "seed", "depth", "late", "stale", "speed")
+    numbers, or_null = ("depth", "late", "speed"), ("particles", "seed", "stale")
     wrong = [name for name in texts if not isinstance(asked[name], str)]
-    wrong += [name for name in numbers if not (asked[name] is None or type(asked[name]) in (int, float))]
+    wrong += [name for name in ("filter", "headings", "box") if not (asked[name] is None or isinstance(asked[name], str))]
+    wrong += [name for name in numbers if type(asked[name]) not in (int, float)]
+    wrong += [name for name in or_null if not (asked[name] is None or type(asked[name]) in (int, float))]
     wrong += [] if _is_list(asked["tags"], str) and asked["tags"] else ["tags"]
     wrong += [] if isinstance(asked["set"], list) and all(_is_list(group, str) for group in asked["set"]) else ["set"]
-    wrong += [name for name in ("home", "origin") if not (asked[name] is None or _is_list(asked[name], (int, float)))]
+    wrong += [name for name in ("home", "origin") if not (asked[name] is None or _is_place(asked[name]))]
     if wrong:
         raise ValueError(f"{path} is damaged: it begins with {wrong[0]} = {asked[wrong[0]]!r:.80}; begin a new mission")
     return asked
+
+
+def _is_place(value: Any) -> bool:
+    return _is_list(value, (int, float)) and len(value) == 2 and all(abs(each) < 1e9 for each in value)
 
 
 def _is_list(value: Any, kind: Any) -> bool:

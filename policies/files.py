@@ -93,8 +93,13 @@ def replace_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 def remove_leftovers(folder: str | os.PathLike[str]) -> None:
     """Remove what a kill in the middle of `replace_file` left in a folder; nobody may be writing there."""
     for path in Path(folder).iterdir():
-        if _PARTIAL_NAME.fullmatch(path.name) and path.is_file():
+        if is_leftover(path):
             path.unlink(missing_ok=True)
+
+
+def is_leftover(path: Path) -> bool:
+    """Whether a file is what a kill in the middle of `replace_file` leaves."""
+    return _PARTIAL_NAME.fullmatch(path.name) is not None and path.is_file()
 
 
 def save_policy(folder: str | os.PathLike[str], policy: NetworkPolicy | EntityPolicy) -> None:

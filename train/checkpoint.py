@@ -12,10 +12,14 @@ import math
 import os
 import re
 import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from tagtrack.envs.validation import brief
 from tagtrack.policies.files import remove_leftovers, replace_file
 from tagtrack.train.trust import is_signed, sign
 
@@ -23,6 +27,8 @@ CHECKPOINT_FOLDER = "checkpoint"
 LATEST_FILE = "latest.json"
 MODEL_FILE = "model.zip"
 BUFFER_FILE = "replay_buffer.pkl"  # of SAC
+COURSE_FILE = "course.npz"
+WHOLE, MOST = ("steps", "next_validation"), 10**18
 FOLDER_NAME = re.compile(r"steps_\d+(-\d+)?")
 
 
@@ -34,11 +40,12 @@ class Progress:
     seconds: float = 0.0  # of all parts of the run [s]
     best_reward: float = -math.inf  # of a step, of the policy that was kept
     best_error_m: float = math.inf
+    next_validation: int | None = None  # steps; None in checkpoints of earlier versions
 
 
 @dataclass(frozen=True, kw_only=True)
 class Checkpoint:
-    """A saved model and what belongs to it."""
+    """A saved model and what belongs to it. Nothing of it lies outside of the run's folder: no part may be a link."""
 
     folder: Path
     progress: Progress
@@ -52,9 +59,13 @@ class Checkpoint:
     def replay_buffer(self) -> Path:
         return self.folder / BUFFER_FILE
 
+    @property
+    def course(self) -> Path:
+        return self.folder / COURSE_FILE
+
     def require_trust(self) -> None:
         """Raise ValueError unless its pickles were written by this user on this machine."""
-        if not is_signed(_pickles(self.folder), self.signature):
+        if not is_signed(_signed(self.folder), self.signature):
             raise ValueError(
                 f"{self.folder} was not written by your own training on this machine, and loading it runs whatever code it "
                 "holds; if you know where it comes from, add --trust"
@@ -66,17 +77,19 @@ def has_checkpoint(run: Path) -> bool:
     return (run / CHECKPOINT_FOLDER / LATEST_FILE).is_file()
 
 
-def save_checkpoint(run: Path, model: Any, progress: Progress) -> None:
-    """Save model and progress in a new folder; only then turn ``latest.json`` to it, and remove what came before."""
+def save_checkpoint(run: Path, model: Any, progress: Progress, course: Mapping[str, np.ndarray] | None = None) -> None:
+    """Save model, progress and course (``course.py``) in a new folder; only then turn ``latest.json`` to it, remove the rest."""
     place = run / CHECKPOINT_FOLDER
     target = _make_folder(place, f"steps_{progress.steps}")
     model.save(target / MODEL_FILE)
     if getattr(model, "replay_buffer", None) is not None:
         model.save_replay_buffer(target / BUFFER_FILE)
-    for path in _pickles(target):
+    if course is not None:
+        np.savez(target / COURSE_FILE, **course)  # type: ignore[arg-type]
+    for path in _signed(target):
         with path.open("rb+") as file:
             os.fsync(file.fileno())
-    content = {"folder": target.name, **vars(progress), "signature": sign(_pickles(target))}
+    content = {"folder": target.name, **vars(progress), "signature": sign(_signed(target))}
     with replace_file(place / LATEST_FILE) as partial:
         partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     remove_others(place, target.name)
@@ -88,15 +101,20 @@ def load_checkpoint(run: Path) -> Checkpoint:
     try:
         content = json.loads(latest.read_text(encoding="utf-8"))
         name = content["folder"]
-        progress = Progress(**{key: content[key] for key in vars(Progress())})
+        progress = Progress(**{key: content[key] for key in vars(Progress()) if key in content or key != "next_validation"})
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(f"{latest}: not a checkpoint ({type(error).__name__}: {error}); train anew") from None
     if not isinstance(name, str) or not FOLDER_NAME.fullmatch(name):
         raise ValueError(f"{latest}: folder must be a name like steps_1000 beside it, got {name!r}; train anew")
     for key, value in vars(progress).items():
-        if isinstance(value, bool) or not isinstance(value, int if key == "steps" else (int, float)):
-            raise ValueError(f"{latest}: {key} must be a number, got {value!r}; train anew")
+        if not _is_number(value, whole=key in WHOLE) and (key, value) != ("next_validation", None):
+            raise ValueError(f"{latest}: {key} must be a number, got {brief(value)}; train anew")
+    if progress.seconds < 0:
+        raise ValueError(f"{latest}: seconds must be at least 0, got {progress.seconds}; train anew")
     checkpoint = Checkpoint(folder=latest.parent / name, progress=progress, signature=content.get("signature"))
+    for part in (latest.parent, checkpoint.folder, checkpoint.model, checkpoint.replay_buffer, checkpoint.course):
+        if part.is_symlink():
+            raise ValueError(f"{part} is a link, which may lead out of the run; put what it means in its place")
     if not checkpoint.model.is_file():
         raise ValueError(f"{checkpoint.folder}: the checkpoint's {MODEL_FILE} is missing; train anew")
     return checkpoint
@@ -122,5 +140,11 @@ def _make_folder(place: Path, name: str) -> Path:
     raise AssertionError("there is always a free number")
 
 
-def _pickles(folder: Path) -> list[Path]:
-    return [path for path in (folder / MODEL_FILE, folder / BUFFER_FILE) if path.is_file()]
+def _is_number(value: Any, *, whole: bool) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
+        return False
+    return 0 <= value <= MOST if whole else abs(value) <= MOST or value in (math.inf, -math.inf)
+
+
+def _signed(folder: Path) -> list[Path]:
+    return [path for path in (folder / MODEL_FILE, folder / BUFFER_FILE, folder / COURSE_FILE) if path.is_file()]

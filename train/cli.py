@@ -66,16 +66,22 @@ def begin(config: TrainConfig) -> int:
 
 
 def go_on(config: TrainConfig) -> int:
-    """A run from its last checkpoint; of a finished one only the table, if it is missing."""
-    from tagtrack.train.checkpoint import load_checkpoint
+    """A run from its last checkpoint, or from its beginning; of a finished one only the table, if it is missing."""
+    from tagtrack.train.checkpoint import has_checkpoint, load_checkpoint
     from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, RunFolder
     from tagtrack.train.session import finish, train
 
     assert config.resume is not None
     with RunFolder.open(config.resume) as folder:
         config = resumed_config(config, from_json(folder.path / CONFIG_FILE))
-        checkpoint = load_checkpoint(folder.path)
+        checkpoint = load_checkpoint(folder.path) if has_checkpoint(folder.path) else None
+        if names_modules(config) and not config.trust:
+            if checkpoint is None:
+                raise ValueError(f"{folder.path} imports modules of its own before it begins; if you know them, add --trust")
+            checkpoint.require_trust()
         task, settings = check(config)
+        if checkpoint is None:  # cut off before its first one
+            return train(config, settings, task, folder, checkpoint=None)
         steps = checkpoint.progress.steps
         if steps < settings.steps:
             if not config.trust:
@@ -98,6 +104,11 @@ def resumed_config(given: TrainConfig, saved: TrainConfig) -> TrainConfig:
     return dataclasses.replace(
         saved, steps=steps, threads=given.threads, device=given.device, resume=given.resume, trust=given.trust
     )
+
+
+def names_modules(config: TrainConfig) -> bool:
+    """Whether a run imports modules by their names, as MODULE:CLASS."""
+    return any(":" in text for text in (config.env, config.motion or "", config.modem or "", *flatten(config.set)))
 
 
 def check(config: TrainConfig) -> tuple[Task, Settings]:

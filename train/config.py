@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import types
 import typing
 from collections.abc import Sequence
@@ -60,7 +59,7 @@ class TrainConfig:
     """Folder of the run."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(none)")] = None
     """Folder of a run to go on with, from its last checkpoint; only --steps (more of them), --threads, --device and --trust go
-    with it. It goes on in new episodes, so that the policy is not the one that an uninterrupted run would have found."""
+    with it. It goes on, bit for bit, as if it had never been cut off; with more --steps it learns at another pace."""
     start: Annotated[str | None, tyro.conf.arg(metavar="POLICY", help_behavior_hint="(none)")] = None
     """What a fleet's policy begins as: a baseline, which it imitates first (uncertain, information:13), or the folder of a run,
     for instance of a smaller fleet; none where the task has one of its own. At first only its critic learns."""
@@ -77,6 +76,7 @@ class TrainConfig:
     where rare losses make up the mean error."""
 
 
+LARGEST = 1e18  # of a number in a file
 TOLD = ("settings", "scenario", "replayed")  # what a run's config.json tells beside its config
 UNWRITTEN = ("trust",)  # no file can ask for it
 
@@ -141,7 +141,7 @@ def _interpret(value: Any, kind: Any) -> Any:
     if value is None and optional:
         return None
     or_null = " or null" * optional
-    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
     if kind is int and number and value == int(value):
         return int(value)
     if kind is float and number:

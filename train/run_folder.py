@@ -23,8 +23,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from tagtrack.policies.files import remove_leftovers, replace_file
-from tagtrack.train.checkpoint import has_checkpoint
+from tagtrack.policies.files import is_leftover, remove_leftovers, replace_file
+from tagtrack.train.checkpoint import CHECKPOINT_FOLDER
 from tagtrack.train.lock import LOCK_FILE, FolderLock
 
 CONFIG_FILE = "config.json"
@@ -73,6 +73,7 @@ class RunFolder:
         path.mkdir(parents=True, exist_ok=True)
         folder = cls(path, made=made)
         try:
+            remove_leftovers(path)
             _require_empty(path)  # once more: it may have been another's until now
         except ValueError:
             folder._lock.release()
@@ -84,16 +85,18 @@ class RunFolder:
         """The folder of a run to go on with.
 
         Raises:
-            FileNotFoundError: where there is none, or no checkpoint in it.
+            FileNotFoundError: where there is none.
             ValueError: where another process trains in it.
         """
         if not (path / CONFIG_FILE).is_file():
             raise FileNotFoundError(f"{path} is not a run: it has no {CONFIG_FILE}")
+        for part in (CHECKPOINT_FOLDER, UNTRAINED, "tensorboard"):
+            if (path / part).is_symlink():
+                raise ValueError(f"{path / part} is a link, which may lead out of the run; put what it means in its place")
         folder = cls(path)
-        if not has_checkpoint(path):
-            folder._lock.release()
-            raise FileNotFoundError(f"{path} has no checkpoint yet: nothing to resume; remove the folder and train anew")
-        remove_leftovers(path)
+        for place in (path, path / UNTRAINED):
+            if place.is_dir():
+                remove_leftovers(place)
         return folder
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:
@@ -136,5 +139,5 @@ def _make_free_folder(place: Path, name: str) -> Path:
 def _require_empty(path: Path) -> None:
     if (path / CONFIG_FILE).is_file():
         raise ValueError(f"--out {path} holds a run; go on with it by --resume {path}, or choose another folder")
-    if any(entry.name != LOCK_FILE for entry in path.iterdir()):
+    if any(entry.name != LOCK_FILE and not is_leftover(entry) for entry in path.iterdir()):
         raise ValueError(f"--out {path} exists and is not a run; choose another folder")

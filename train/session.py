@@ -22,6 +22,7 @@ from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
 from tagtrack.train.checkpoint import Checkpoint, remove_others
 from tagtrack.train.config import TrainConfig, flatten, to_json
+from tagtrack.train.course import restore_course
 from tagtrack.train.learning import build_model, load_model
 from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, UNTRAINED, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
@@ -44,13 +45,14 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
             start_as(model, config.start, task, hold=env.hold, seed=config.seed)
     else:
         model = load_model(settings, checkpoint, env, config.device)
-        training_seed += 2**31 + model.num_timesteps  # new episodes: those of the first part are spent
+        training_seed += 2**31 + model.num_timesteps  # of new episodes, where the worlds are other ones than before
         remove_others(checkpoint.folder.parent, checkpoint.folder.name)
         (folder.path / TABLE_FILE).unlink(missing_ok=True)  # it will tell of another policy
     write_config(config, settings, task, folder)  # first of all files: it makes the folder a run
     if checkpoint is None:
         folder.write_json("versions.json", collect_versions())
-    env.seed(training_seed)  # after the model, which seeds its environment with its own seed
+    if checkpoint is None or not restore_course(checkpoint.course, model):
+        env.seed(training_seed)  # after the model, which seeds its environment with its own seed
     model.set_logger(make_logger(folder))
     training = Training(
         folder,

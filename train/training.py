@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import signal
 import sys
@@ -21,8 +22,13 @@ from tagtrack.policies.export import from_stable_baselines3
 from tagtrack.policies.files import save_policy
 from tagtrack.policies.network import NetworkPolicy
 from tagtrack.train.checkpoint import Progress, save_checkpoint
+from tagtrack.train.course import describe_course
 from tagtrack.train.entity_network import EntityActorCritic, export_entities
 from tagtrack.train.run_folder import UNTRAINED, RunFolder
+
+
+class Stopped(Exception):
+    """Training ends before its steps are done, between two rollouts: what has been seen is learned from."""
 
 
 class Training(BaseCallback):
@@ -51,6 +57,8 @@ class Training(BaseCallback):
         # A checkpoint is written after a validation, which resuming need not repeat.
         self.last_validation = before.steps if resumed else -1
         self.next_validation = before.steps + self.interval if resumed else 0
+        if before.next_validation is not None:  # more steps may have made the intervals longer
+            self.next_validation = min(self.next_validation, before.next_validation)
         self.interrupted = False
         self.episodes_ended: list[dict[str, float]] = []
         self.bar = tqdm(
@@ -71,15 +79,19 @@ class Training(BaseCallback):
             self.model.policy.freeze_actor(self.watched > 0)
             self.watched -= 1
         if self.num_timesteps >= self.next_validation:
-            self.validate()
             self.next_validation = self.num_timesteps + self.interval
+            self.validate()
+        elif self.interrupted:
+            self.validate()
         else:
             self.require_finite()
+        if self.interrupted:
+            raise Stopped
 
     def _on_step(self) -> bool:
         self.bar.update(self.num_timesteps - self.bar.n)
         self.episodes_ended += [info["episode"] for info in self.locals["infos"] if "episode" in info]
-        return not self.interrupted
+        return True
 
     def require_finite(self) -> None:
         """Raise ValueError where learning has blown up, before SB3 draws actions from it or a checkpoint keeps it."""
@@ -122,8 +134,11 @@ class Training(BaseCallback):
         seconds = now - self.started
         self.rows.append(self._row(seconds, error, reward))
         self.folder.write_progress(self.rows)
-        progress = Progress(steps=self.num_timesteps, seconds=seconds, best_reward=self.best_reward, best_error_m=self.best_error)
-        save_checkpoint(self.folder.path, self.model, progress)
+        progress = Progress(
+            steps=self.num_timesteps, seconds=seconds, best_reward=self.best_reward, best_error_m=self.best_error,
+            next_validation=self.next_validation,
+        )  # fmt: skip
+        save_checkpoint(self.folder.path, self.model, progress, describe_course(self.model))
         self.logger.record("validation/error_m", error)
         self.logger.dump(self.num_timesteps)
         self.bar.set_postfix_str(f"error {error:.2f} m, best {self.best_error:.2f} m")
@@ -156,7 +171,7 @@ def make_logger(folder: RunFolder) -> Logger:
 def learn(model: BaseAlgorithm, training: Training) -> bool:
     """Train to the end, which must not be reached yet, or to Ctrl-C.
 
-    The first Ctrl-C ends the step in hand and saves; a second one breaks off at once.
+    The first Ctrl-C ends the rollout in hand, learns from it and saves; a second one breaks off at once.
 
     Returns:
         Whether training came to its end.
@@ -170,7 +185,8 @@ def learn(model: BaseAlgorithm, training: Training) -> bool:
 
     before = signal.signal(signal.SIGINT, stop)
     try:
-        model.learn(training.total - model.num_timesteps, callback=training, reset_num_timesteps=False)
+        with contextlib.suppress(Stopped):
+            model.learn(training.total - model.num_timesteps, callback=training, reset_num_timesteps=False)
         training.validate()
     finally:
         signal.signal(signal.SIGINT, before)

@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import os
 import secrets
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
@@ -69,6 +70,9 @@ def _make_key() -> bytes | None:
     """A new key, or the one that another process has just made."""
     target = key_file()
     target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    for left in target.parent.glob(f".{target.name}.*"):  # by a kill; a younger one may be in the making
+        if time.time() - left.stat().st_mtime > 60.0:
+            left.unlink(missing_ok=True)
     partial = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
     descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:

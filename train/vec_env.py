@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
 from tagtrack.envs.telling import all_have_left
+from tagtrack.envs.validation import as_actions, whole_number
 from tagtrack.train.holding import HeldCourse
 
 if TYPE_CHECKING:
@@ -76,6 +77,10 @@ class TagTrackVecEnv(VecEnv):
         self._length = np.zeros(shape, np.int64)  # steps in which the vehicle took part
         self._actions = np.zeros((rows, len(self.simulation.action_names)), np.float32)
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seeds of the next reset: ``seed`` and those that follow it. Raises ValueError for no whole number."""
+        return super().seed(None if seed is None else whole_number(seed, "seed"))
+
     def reset(self) -> np.ndarray:
         """Begin episodes in all worlds: the first of the seed given to ``seed``, else the next."""
         if self._seeds[0] is None and not self._begun:
@@ -89,6 +94,11 @@ class TagTrackVecEnv(VecEnv):
         self._forget(np.ones(worlds, bool))
         return self._observe()
 
+    def go_on_from(self, state: tuple[np.ndarray, ...]) -> None:
+        """Return the worlds to what ``simulation.save_state`` gave; episodes go on without a reset."""
+        self.simulation.load_state(state)
+        self._begun = True
+
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for ``step_wait``."""
         self._actions = actions
@@ -96,7 +106,7 @@ class TagTrackVecEnv(VecEnv):
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step all worlds under one action of each row; those whose episode has ended begin the next one in the same step."""
         simulation, shape = self.simulation, self._return.shape
-        actions = np.asarray(self._actions, np.float32)
+        actions = as_actions(self._actions)
         if len(actions) == self.num_envs:  # else the simulation says what is wrong
             actions = actions.reshape(*shape, -1)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

@@ -22,6 +22,9 @@ import numba
 from numba.core import event
 from numba.core.caching import CacheImpl, _CacheLocator
 
+if numba.config.DISABLE_JIT:
+    raise ImportError("the simulation is compiled code, which NUMBA_DISABLE_JIT forbids; unset NUMBA_DISABLE_JIT")
+
 PACKAGE = Path(__file__).resolve().parents[1]  # the folder of tagtrack.envs
 
 # Re-association and contraction let loops become SIMD; NaN and infinity keep their meaning, because NaN marks missing data.

@@ -12,7 +12,7 @@ from tagtrack.envs.kernels.calling import Native, native
 from tagtrack.envs.kernels.motion_loops import scatter_velocities
 from tagtrack.envs.kernels.random import bits_to_normals
 from tagtrack.envs.motions.motion import CHOOSE, START, Motion
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import FASTEST, require, settle_numbers
 
 f32 = np.float32
 
@@ -44,6 +44,6 @@ class WhiteAcceleration(Motion):
     choose: ClassVar[Native] = choose
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        settle_numbers(self, sigma=FASTEST, first_speed=FASTEST)
         require(self.sigma >= 0, self, "sigma", "at least 0")
         require(self.first_speed >= 0, self, "first_speed", "at least 0")

@@ -11,7 +11,7 @@ import numpy as np
 from tagtrack.envs.kernels.calling import Native, native
 from tagtrack.envs.kernels.motion_loops import choose_brownian, scatter_velocities
 from tagtrack.envs.motions.motion import CHOOSE, START, Motion
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import FASTEST, require, settle_numbers
 
 f32 = np.float32
 
@@ -45,6 +45,6 @@ class BrownianWalk(Motion):
     choose: ClassVar[Native] = choose
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        settle_numbers(self, max_speed=FASTEST)
         require(self.max_speed > 0, self, "max_speed", "positive")
         require(self.diffusion >= 0, self, "diffusion", "at least 0")

@@ -17,7 +17,7 @@ from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.motion_loops import advance
 from tagtrack.envs.kernels.random import LEG, uniform_pair
 from tagtrack.envs.motions.motion import BEGIN, FOLLOW, Path
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import FASTEST, require, settle_numbers
 
 f32 = np.float32
 LEG_END, LEGS = range(2)  # places in the memory: when the next leg begins [s], and how many there were
@@ -71,7 +71,7 @@ class StraightLegs(Path):
     follow: ClassVar[Native] = follow
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        settle_numbers(self, least_speed=FASTEST, max_speed=FASTEST)
         for least, largest in (("least_speed", "max_speed"), ("shortest_leg", "longest_leg"), ("least_turn", "largest_turn")):
             low = getattr(self, least)
             require(low >= 0, self, least, "at least 0")

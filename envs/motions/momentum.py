@@ -12,7 +12,7 @@ from tagtrack.envs.kernels.calling import Native, native
 from tagtrack.envs.kernels.motion_loops import change_momentum, scatter_velocities
 from tagtrack.envs.kernels.random import bits_to_normals
 from tagtrack.envs.motions.motion import CHOOSE, START, Motion
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import FASTEST, require, settle_numbers
 
 f32 = np.float32
 
@@ -44,7 +44,7 @@ class MomentumRandomWalk(Motion):
     choose: ClassVar[Native] = choose
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        settle_numbers(self, speed_sigma=FASTEST, max_speed=FASTEST, first_speed=FASTEST)
         for name in ("speed_sigma", "turn_sigma"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
         require(self.max_speed > 0, self, "max_speed", "positive")

@@ -13,7 +13,7 @@ import numpy as np
 from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.kernels.geometry import wrap_angle
 from tagtrack.envs.kernels.random import NAVIGATING, START, STEERING, normal_pair, uniform_pair
-from tagtrack.envs.validation import require, settle_numbers
+from tagtrack.envs.validation import FASTEST, require, settle_numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,8 @@ class Vehicle:
     arena: float = 0.0  # radius about the origin beyond which the vehicle turns back of itself, as it believes [m]; 0: none
 
     def __post_init__(self) -> None:
-        settle_numbers(self)
+        speeds = ("max_speed", "drift_sigma", "current_speed", "random_current", "speed_sigma")
+        settle_numbers(self, **dict.fromkeys(speeds, FASTEST))
         for name in ("max_speed", "acceleration", "max_turn_rate", "heading_gain", "control_interval"):
             require(getattr(self, name) > 0, self, name, "positive")
         for name in ("compass_sigma", "compass_bias", "fix_interval", "fix_sigma", "drift_sigma", "current_speed"):

@@ -1,5 +1,8 @@
 """Bad input ends in one line that names the value and the way out, before anything was changed."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tagtrack.envs.parallel import parallel_env
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import TagTrackEnv
@@ -44,6 +48,15 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"vehicles": 21}, "vehicles must be a whole number from 1 to 20, got 21"),
         ({"tags": 0}, "tags must be a whole number from 1 to 20, got 0"),
         ({"modem": "radio"}, "modem must be one of perfect, none, instant, tdma, .*got 'radio'"),
+        ({"overrides": {"vehicle.control_interval": 1e-6}}, "control_interval must be at least 0.0002 s, a 10000th of the time"),
+        ({"overrides": {"time_step": 1e7}}, r"time_step must be at most 100000 in size, got 1e\+07"),
+        ({"overrides": {"targets": 10**6}}, "targets must be at most 256, got 1000000"),
+        ({"overrides": {"episode_steps": 10**30}}, "episode_steps must be at most 10000000, got 10000"),
+        ({"overrides": {"vehicle.fix_sigma": 1e39}}, r"Vehicle.fix_sigma must be at most 1e\+06 in size, got 1e\+39"),
+        ({"overrides": {"belief.half_width": 1e39}}, r"Belief.half_width must be at most 1e\+06 in size, got 1e\+39"),
+        ({"overrides": {"fish.max_speed": 1e4}}, "MomentumRandomWalk.max_speed must be at most 100 in size, got 10000"),
+        ({"overrides": {"tag.period": 10**401}}, "Tag.period must be at most .* got a number of hundreds of digits"),
+        ({"overrides": {"tag.period": "1" * 401}}, "Tag.period must be at most .* got a number of hundreds of digits"),
         ({"time_scale": 0.5}, "time_scale=0.5 slows a recorded track, but none is given; add tracks=FILE"),
     ],
 )
@@ -121,6 +134,45 @@ def test_numbers_of_worlds_and_threads_are_whole_and_positive(value: Any) -> Non
 def test_limit_of_an_episode_is_whole_and_positive(value: Any) -> None:
     with pytest.raises(ValueError, match=f"max_episode_steps must be a whole number of at least 1, got {value}"):
         TagTrackVectorEnv(max_episode_steps=value)
+
+
+NO_NUMBERS = [None, {}, "abc", b"ab", 1j, [1j, 0.0], [None, None], [10**401, 0], np.array([1, 2], "M8[s]"), object()]
+
+
+@pytest.mark.parametrize("actions", NO_NUMBERS, ids=lambda value: type(value).__name__)
+@pytest.mark.parametrize("shell", SHELLS)
+def test_actions_that_are_no_numbers_are_refused(shell: Any, actions: Any) -> None:
+    env = shell(particles=20)
+    env.reset()
+    with pytest.raises(ValueError, match="actions must be an array of numbers, got "):
+        env.step(actions)
+
+
+def test_an_agent_whose_action_is_no_number_is_named() -> None:
+    fleet = parallel_env(vehicles=2, particles=20)
+    fleet.reset(seed=0)
+    for action in NO_NUMBERS:
+        with pytest.raises(ValueError, match="the action of auv_1 must be numbers, got "):
+            fleet.step({"auv_0": np.zeros(2, np.float32), "auv_1": action})
+
+
+@pytest.mark.parametrize("seed", [1.5, "1", True, {}, 1j, [1.5], ["a"], np.array([1.0])], ids=repr)
+def test_seeds_that_are_no_whole_numbers_are_refused(seed: Any) -> None:
+    with pytest.raises(ValueError, match="seed must be a whole number, got "):
+        Simulation(Scenario()).reset(seed)
+    with pytest.raises(ValueError, match="seed must be a whole number, got "):
+        TagTrackVecEnv(particles=20).seed(seed)
+
+
+@pytest.mark.parametrize("command", ["train", "eval", "live"])
+def test_a_compiler_that_is_switched_off_is_one_line(command: str) -> None:
+    line = [sys.executable, "-m", f"tagtrack.{command}", *(["compile"] if command == "live" else []), "--help"]
+    done = subprocess.run(line, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, timeout=60)
+    if command == "live":  # its help needs no simulation
+        assert done.returncode == 0
+    else:
+        assert (done.returncode, done.stdout) == (2, "") and done.stderr.endswith("; unset NUMBA_DISABLE_JIT\n")
+        assert done.stderr.count("\n") == 1
 
 
 def test_seed_out_of_range_is_named() -> None:

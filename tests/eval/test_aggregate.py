@@ -43,3 +43,28 @@ def test_a_folder_without_a_benchmark_is_named(evaluate, tmp_path):
     assert "no benchmark in" in evaluate("aggregate", tmp_path)[2]
     (tmp_path / "benchmark.json").write_text("{}")
     assert "is not what `eval benchmark` writes" in evaluate("aggregate", tmp_path)[2]
+
+
+def edited(folder, changes):
+    path = folder / "benchmark.json"
+    document = json.loads(path.read_text())
+    document["ratios"]["circle/learned"] |= changes
+    path.write_text(json.dumps(document))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "changes", [{"value": "a"}, {"low": 0}, {"value": 10**401}, {"freedom": []}, {"low": None}, {"low": 2.0}, {"high": True}]
+)
+def test_a_ratio_that_was_edited_is_named(evaluate, benchmark, changes):
+    status, _, error = evaluate("aggregate", edited(benchmark("A", 1.0), changes))
+    assert status == 2 and "the ratio circle/learned is {" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("field", ["env", "policies", "ratios"])
+@pytest.mark.parametrize("value", [True, None, [], 5, ""])
+def test_a_benchmark_that_was_edited_is_named(evaluate, benchmark, field, value):
+    path = benchmark("A", 1.0) / "benchmark.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {field: value}))
+    status, _, error = evaluate("aggregate", path.parent)
+    assert status == 2 and f"({field} is " in error and error.count("\n") == 1

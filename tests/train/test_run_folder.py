@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import stat
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,3 +108,26 @@ def test_a_signature_holds_for_these_files_under_this_key_alone(tmp_path, monkey
     file.write_bytes(b"weights")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     assert not is_signed([file], signature) and sign([file]) != signature
+
+
+def test_what_a_kill_left_of_a_key_is_swept_away(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "tagtrack").mkdir()
+    for name, age in (("old", 3600.0), ("young", 0.0)):
+        (tmp_path / "tagtrack" / f".key.{name}").write_text("half")
+        os.utime(tmp_path / "tagtrack" / f".key.{name}", (time.time() - age,) * 2)
+    (tmp_path / "model.zip").write_bytes(b"weights")
+    assert sign([tmp_path / "model.zip"]) is not None
+    assert sorted(path.name for path in (tmp_path / "tagtrack").iterdir()) == [".key.young", "key"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("seconds", 10**401), ("seconds", -1.0), ("steps", -5), ("steps", 1.5), ("best_reward", math.nan), ("next_validation", "x")],
+)
+def test_a_number_in_latest_that_cannot_be_is_named(tmp_path, name, value):
+    save_checkpoint(tmp_path, Model(b"first"), Progress(steps=10))
+    latest = tmp_path / "checkpoint" / "latest.json"
+    latest.write_text(json.dumps(json.loads(latest.read_text()) | {name: value}))
+    with pytest.raises(ValueError, match=f"latest.json: {name} must be .*; train anew"):
+        load_checkpoint(tmp_path)

@@ -11,6 +11,7 @@ import numpy as np
 import rich
 import tyro
 
+from tagtrack.envs.csv_table import name_field
 from tagtrack.eval.field.array.chain import Averaging
 from tagtrack.eval.field.array.located import Located
 from tagtrack.eval.field.array.locating import LocateOptions
@@ -138,13 +139,13 @@ def position_rows(located: Sequence[Located], plane: Plane | None = None) -> lis
     """Lines of positions.csv, tag by tag in order of time; with a plane they end in degrees, to 1e-8 (1 mm)."""
     lines = []
     for each in located:
-        heard = each.pings.heard.sum(axis=1)
+        tag, heard = name_field(each.tag), each.pings.heard.sum(axis=1)
         sd, ambiguous = each.sd, each.ambiguous
         rows = np.flatnonzero(each.known)
         degrees = plane.to_geodetic(each.positions.position[rows, :2]) if plane else np.empty((rows.size, 0))
         for k, place in zip(rows, degrees, strict=True):
             (x, y), (sd_x, sd_y) = each.positions.position[k, :2], sd[k, :2]
-            line = f"{each.tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
+            line = f"{tag},{each.pings.time[k]:.3f},{x:.3f},{y:.3f},{sd_x:.3f},{sd_y:.3f},{heard[k]},{each.count[k]:.0f}"
             line += f",{each.positions.covariance[k, 0, 1]:.4f}"
             misfit, *other = ("" if np.isnan(value) else f"{value:.3f}" for value in (each.misfit[k], *each.other[k]))
             line += "".join(f",{text}" for text in (misfit, f"{ambiguous[k]:d}", *other[:2]))

@@ -13,6 +13,7 @@ import numpy as np
 import rich
 import tyro
 
+from tagtrack.envs.csv_table import name_cell
 from tagtrack.eval.field.array.reading import describe_plane, read_aloud, read_places
 from tagtrack.eval.field.array.survey_plot import plot_map
 from tagtrack.eval.field.static_array.detections import shorten
@@ -151,7 +152,7 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({key: name_cell(cell) if isinstance(cell, str) else cell for key, cell in row.items()} for row in rows)
     return text.getvalue()
 
 

@@ -18,6 +18,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from tagtrack.envs.csv_table import name_cell
 from tagtrack.eval.field.static_array.detections import Codes, Detections
 from tagtrack.eval.field.telemetry.layouts import OWN, Block, Names, read_blocks
 from tagtrack.eval.field.telemetry.stamps import LATEST, name_days
@@ -158,7 +159,7 @@ def write_detections(path: str | Path, detections: Detections) -> None:
     Raises:
         OSError: if it cannot be written; an old file then stays.
     """
-    receivers, tags = np.array(detections.receivers, dtype=object), np.array(detections.tags, dtype=object)
+    receivers, tags = (np.array([*map(name_cell, names)], dtype=object) for names in (detections.receivers, detections.tags))
     with replace_csv(path) as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(OWN.columns)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tagtrack.envs.csv_table import open_csv
+from tagtrack.envs.csv_table import name_cell, open_csv
 from tagtrack.envs.motions.tracks import Track, collect_tracks
 from tagtrack.eval.field.static_array.detections import Floats
 from tagtrack.eval.field.telemetry.detections import replace_csv
@@ -98,7 +98,7 @@ def write_tracks(
             if z is not None:
                 columns.append(z[known].round(4))
                 columns += _depth_spread(covariance[tag][known]) if covariance else []
-            writer.writerows((tag, *row) for row in zip(*(column.tolist() for column in columns), strict=True))
+            writer.writerows((name_cell(tag), *row) for row in zip(*(column.tolist() for column in columns), strict=True))
 
 
 def _depth_spread(covariance: Floats) -> list[Floats]:
@@ -127,7 +127,7 @@ def write_movebank(
             stamp = np.round(time * 1e3).astype(np.int64).astype("datetime64[ms]")
             for when, (longitude, latitude) in zip(np.datetime_as_string(stamp), plane.to_geodetic(position), strict=True):
                 place = f"{longitude:.8f}", f"{latitude:.8f}"
-                writer.writerow((when.replace("T", " "), *place, _SENSOR, individual, tag))
+                writer.writerow((when.replace("T", " "), *place, _SENSOR, name_cell(individual), name_cell(tag)))
 
 
 def _fixes(tracks: Mapping[str, Track]) -> Iterator[tuple[str, Floats, Floats]]:
