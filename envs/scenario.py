@@ -238,9 +238,9 @@ GLIDER_PAIR = Scenario(vehicles=2, targets=4, vehicle=Vehicle(max_speed=0.5))
 RANGE_ONLY_GLIDER = replace(
     RANGE_ONLY,
     vehicle=replace(RANGE_ONLY.vehicle, max_speed=0.5),
-    fish=replace(RANGE_ONLY.fish, max_speed=0.2),
+    fish=MomentumRandomWalk(speed_sigma=0.01, turn_sigma=0.05, max_speed=0.2),
     start=replace(RANGE_ONLY.start, farthest=250.0),
-    belief=replace(RANGE_ONLY.belief, motion=replace(RANGE_ONLY.belief.motion, max_speed=0.25)),
+    belief=replace(RANGE_ONLY.belief, motion=MomentumRandomWalk(speed_sigma=0.012, turn_sigma=0.06, max_speed=0.25)),
 )
 
 SCENARIOS = {

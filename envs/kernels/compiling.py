@@ -22,7 +22,7 @@ import numba
 from numba.core import event
 from numba.core.caching import CacheImpl, _CacheLocator
 
-if numba.config.DISABLE_JIT:
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError("the simulation is compiled code, which NUMBA_DISABLE_JIT forbids; unset NUMBA_DISABLE_JIT")
 
 PACKAGE = Path(__file__).resolve().parents[1]  # the folder of tagtrack.envs

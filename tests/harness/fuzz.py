@@ -15,9 +15,10 @@ from collections.abc import Callable
 from hypothesis import HealthCheck, Phase, given, settings
 
 from tests.harness.fuzz_files import FILES
+from tests.harness.fuzz_lines import LINE_KINDS
 from tests.harness.fuzz_worlds import WORLDS
 
-KINDS: dict[str, Callable[..., None]] = {**WORLDS, **FILES}
+KINDS: dict[str, Callable[..., None]] = {**WORLDS, **FILES, **LINE_KINDS}
 
 
 def fuzz(kind: str, examples: int, *, seed: int | None = None) -> None:

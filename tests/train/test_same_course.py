@@ -13,14 +13,20 @@ import numpy as np
 import pytest
 import torch
 
-from tagtrack.train import training
+from tagtrack.train import session, training
 from tests.train.conftest import SMALL, rows_in
 
 RUNS = {
-    "ppo": ["--steps", "2000", "--hyper", "rollout=512"],
-    "sac": ["--steps", "400", "--algo", "sac", "--hyper", "learning_starts=64", "gradient_steps=1"],
-    "fleet": ["--steps", "1200", "--hyper", "rollout=256", "--vehicles", "2", "--tags", "2"],
+    "ppo": ["--steps", "1000"],
+    "sac": ["--steps", "160", "--algo", "sac", "--hyper", "learning_starts=64", "gradient_steps=1"],
+    "fleet": ["--steps", "500", "--vehicles", "2", "--tags", "2"],
 }
+
+
+@pytest.fixture(autouse=True)
+def short_table(monkeypatch) -> None:
+    """It is not about the episodes of the table."""
+    monkeypatch.setattr(session, "TABLE_EPISODES", 4)
 
 
 def weights(run: Path) -> dict[str, torch.Tensor]:
@@ -81,14 +87,14 @@ def test_ctrl_c_learns_from_the_rollout_in_hand_and_changes_no_weight(tmp_path, 
     step = training.Training._on_step
 
     def interrupt(self):
-        if self.num_timesteps == 800:
+        if self.num_timesteps == 400:
             signal.raise_signal(signal.SIGINT)
         return step(self)
 
     with monkeypatch.context() as patch:
         patch.setattr(training.Training, "_on_step", interrupt)
         status, printed, _ = train(*RUNS["ppo"], *SMALL, "--out", "cut")
-    assert status == 130 and "stopped at 1,024 of 2,000 steps" in printed
+    assert status == 130 and "stopped at 512 of 1,000 steps" in printed
     assert train("--resume", "cut")[0] == 0
     assert weights(tmp_path / "whole").keys() == weights(tmp_path / "cut").keys()
     assert all(torch.equal(value, weights(tmp_path / "cut")[key]) for key, value in weights(tmp_path / "whole").items())
@@ -98,8 +104,8 @@ def test_with_more_worlds_it_goes_on_in_new_episodes(tmp_path, train):
     free = [word for word in SMALL if word not in ("--num-envs", "8")]
     assert train("--steps", "50", *free, "--out", "run")[0] == 0
     before = rows_in(tmp_path / "run")
-    assert train("--resume", "run", "--steps", "2000")[0] == 0
-    assert rows_in(tmp_path / "run")[: len(before)] == before and int(rows_in(tmp_path / "run")[-1]["steps"]) >= 2000
+    assert train("--resume", "run", "--steps", "600")[0] == 0
+    assert rows_in(tmp_path / "run")[: len(before)] == before and int(rows_in(tmp_path / "run")[-1]["steps"]) >= 600
 
 
 def test_a_run_killed_before_its_first_checkpoint_begins_anew(tmp_path, train, monkeypatch):
@@ -110,7 +116,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(tmp_path, train, m
         patch.setattr(training, "save_checkpoint", kill)
         assert train(*RUNS["ppo"], *SMALL, "--out", "run")[0] == 130
     assert train("--resume", "run")[0] == 0
-    assert [int(row["steps"]) for row in csv.DictReader((tmp_path / "run" / "progress.csv").open())][-1] >= 2000
+    assert [int(row["steps"]) for row in csv.DictReader((tmp_path / "run" / "progress.csv").open())][-1] >= 1000
 
 
 def test_what_a_kill_left_before_the_configuration_blocks_no_folder(tmp_path, train):
