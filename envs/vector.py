@@ -14,7 +14,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import LARGEST_DRAWN_SEED
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
-from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
+from tagtrack.envs.telling import all_have_left, team_reward, tell
 from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self.simulation.reset(seed, chosen)
         self._begun = True
         self._ended[chosen] = False
-        return self.simulation.observation[self._own].copy(), self._info(chosen)
+        return self.simulation.observation[self._own].copy(), self._info(chosen, ~chosen)
 
     def _chosen_worlds(self, options: dict[str, Any] | None) -> np.ndarray:
         if options is None or "reset_mask" not in options:
@@ -118,25 +118,18 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._ended = terminated | truncated
         final: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
-            final = self._final(self._ended)
+            final = self._final(self._ended, ~fresh)
             fresh = self._ended
             simulation.reset(mask=fresh)
-        info = self._info(np.ones(self.num_envs, bool)) | self._reward_info(~fresh) | final
+        info = self._info(np.ones(self.num_envs, bool), ~fresh) | final
         return simulation.observation[self._own].copy(), reward, terminated, truncated, info
 
-    def _info(self, present: np.ndarray) -> dict[str, Any]:
+    def _info(self, present: np.ndarray, stepped: np.ndarray) -> dict[str, Any]:
         """What ``TagTrackEnv`` puts into its info, each with the mask of the worlds that have it."""
-        values = tell(self.simulation)
+        values = tell(self.simulation, stepped)
         return values | {f"_{name}": present.copy() for name in values}
 
-    def _reward_info(self, present: np.ndarray) -> dict[str, Any]:
-        terms: dict[str, Any] = {}
-        for name, term in tell_terms(self.simulation).items():
-            term[~present] = 0.0
-            terms[name], terms[f"_{name}"] = term, present.copy()
-        return {"reward_terms": terms, "_reward_terms": present.copy()} if present.any() else {}
-
-    def _final(self, ended: np.ndarray) -> dict[str, Any]:
+    def _final(self, ended: np.ndarray, stepped: np.ndarray) -> dict[str, Any]:
         """The last observation and info of the episodes that have just ended."""
         observations = np.full(self.num_envs, None, object)
         for world in np.flatnonzero(ended):
@@ -144,7 +137,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return {
             "final_obs": observations,
             "_final_obs": ended.copy(),
-            "final_info": self._info(ended) | self._reward_info(ended),
+            "final_info": self._info(ended, stepped),
             "_final_info": ended.copy(),
         }
 

@@ -105,7 +105,7 @@ def test_reward_of_a_team_is_the_mean_over_those_that_take_part() -> None:
     while not terminated.any():
         part = info["active"]  # before the step
         _, reward, terminated, _, info = env.step(np.zeros((WORLDS, 3, 2), np.float32))
-        terms = sum(term for name, term in info["reward_terms"].items() if not name.startswith("_"))
+        terms = sum(term for name, term in info.items() if name.startswith("reward_"))
         assert terms.shape == (WORLDS, 3) and (terms[~part] == 0.0).all()
         np.testing.assert_allclose(reward, [row[present].mean() for row, present in zip(terms, part, strict=True)])
         seen |= set(part.sum(axis=1).tolist())
