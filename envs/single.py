@@ -16,11 +16,13 @@ from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
 from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
-from tagtrack.envs.task import Task, TaskOptions, build_task
+from tagtrack.envs.specification import limit_asked_of_make, plain_spec
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
 from tagtrack.envs.telling import all_have_left, team_reward, tell, term_names
 from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
     from typing_extensions import Unpack
 
 LARGEST_DRAWN_SEED = 2**31
@@ -105,8 +107,8 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ## Ending
 
     An episode terminates when the battery is empty, where there is one (``vehicle.battery``). It is truncated
-    after the scenario's ``episode_steps`` (300), or earlier, after as many steps as ``gym.make``'s ``max_episode_steps`` says;
-    longer ones are made by ``overrides={"episode_steps": 600}``.
+    after the scenario's ``episode_steps`` (300), which ``overrides={"episode_steps": 600}`` changes, or after as many steps, more
+    or fewer, as ``gym.make``'s ``max_episode_steps`` says.
 
     ## Info
 
@@ -168,6 +170,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         task = build_task(env_id or self.default_id, **options)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
+        self.task = task
         self.render_mode = render_mode
         self.simulation = Simulation(task.scenario, tracks=task.tracks)
         vehicles = task.scenario.vehicles
@@ -183,7 +186,21 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._beliefs, self._encounters, self._measurements = worlds.beliefs, worlds.encounters, worlds.measurements
         self._navigation, self._vehicles, self._fish = worlds.navigation, worlds.vehicles, worlds.fish
         self._picture = Picture(self.simulation) if render_mode else None
+        self.episode_limit = task.scenario.episode_steps
+        self._spec: EnvSpec | None = None
         self._begun = False
+
+    @property
+    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+        """Gymnasium's specification: ``spec.to_json()`` makes the same environment again, whatever options it was made with."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
+        asked = limit_asked_of_make()
+        if asked is not None:
+            self.episode_limit = episode_limit(self.simulation.scenario, asked)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode: of ``seed`` its first, without a seed the next one. ``options`` has no keys."""
@@ -206,7 +223,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             reward, terminated = float(np.add.reduce(self._outputs.terms[0, 0])), False
         else:
             reward, terminated = float(team_reward(simulation)[0]), bool(all_have_left(simulation)[0])
-        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
+        truncated = bool(simulation.worlds.clock["step"][0] >= self.episode_limit)
         self._show()
         return self._outputs.observation[self._own].copy(), reward, terminated, truncated, info
 

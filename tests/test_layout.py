@@ -51,8 +51,9 @@ FLOORS = (
     ("sensing", "exchange", "believing", "referee"),
     ("world",),
     ("simulation",),
-    ("task", "legend", "spaces", "telling"),
+    ("task", "legend", "spaces", "telling", "specification"),
     ("rendering",),
+    ("batch_views",),
     ("single", "vector", "parallel"),
     ("time_of_flight", "range_only", "area_only"),
     ("",),  # envs/__init__.py, which gathers the names that users import

@@ -226,9 +226,10 @@ def test_episode_is_truncated_and_never_terminated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (400, None, 400), (350, 320, 320)]
+    ("episode_steps", "max_episode_steps", "length"),
+    [(20, None, 20), (20, 30, 30), (400, None, 400), (350, 320, 320), (20, -1, 20)],
 )
-def test_episode_lasts_as_the_scenario_says_or_less(episode_steps: int, max_episode_steps: int, length: int) -> None:
+def test_episode_lasts_as_the_scenario_says_or_as_make_is_asked(episode_steps: int, max_episode_steps: int, length: int) -> None:
     env = gym.make(
         "TagTrack/LeopardShark-v0",
         particles=10,
