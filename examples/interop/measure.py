@@ -1,4 +1,4 @@
-"""Runs one script and tells, in a last line of JSON, how many steps of worlds it made and how long that took, learning included."""
+"""Runs one script and tells, in a last line of JSON, how many steps of worlds it made and how long they and learning took."""
 
 from __future__ import annotations
 
