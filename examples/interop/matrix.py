@@ -130,7 +130,7 @@ def write_page(rows: Mapping[str, Mapping[str, Any]]) -> str:
         table.append(f"| {library.name} | {row.get('version', '')} | {script} | {row['state']} | {rate} |")
     lines = []
     for library in LIBRARIES.values():
-        lines += [f"{library.name}:", "", "```python", *own_lines(library.script), "```", ""]
+        lines += [f"{library.name}:", "", "```py", *own_lines(library.script), "```", ""]
     page = (HERE / "page.md").read_text(encoding="utf-8")
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     for name, text in {"TABLE": "\n".join(table), "LINES": "\n".join(lines).strip(), "MACHINE": machine}.items():
