@@ -18,6 +18,7 @@ import sys
 import venv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -62,8 +63,11 @@ def own_lines(script: str) -> list[str]:
     return [line.strip() for line in code.splitlines() if "tagtrack" in line.lower()]
 
 
-def make_environment(name: str, packages: Sequence[str]) -> str | None:
-    """Install what a row needs; what is wrong, in a line, or None."""
+@lru_cache
+def make_environment(name: str) -> str | None:
+    """Install what its libraries need, once; what is wrong, in a line, or None."""
+    together = [each.packages for each in LIBRARIES.values() if each.environment == name]
+    packages = sorted({package for packages in together for package in packages})
     folder = PLACE / name
     python = folder / "bin" / "python"
     if not python.exists():
@@ -98,8 +102,7 @@ def last_words(done: subprocess.CompletedProcess[str]) -> str:
 def measure(library: Library) -> dict[str, Any]:
     """A row of the table: version, steps a second, or what is wrong."""
     row: dict[str, Any] = {"lines": own_lines(library.script)}
-    together = [each.packages for each in LIBRARIES.values() if each.environment == library.environment]
-    wrong = make_environment(library.environment, sorted({package for packages in together for package in packages}))
+    wrong = make_environment(library.environment)
     if wrong is not None:
         return {**row, "state": f"does not install here: {wrong}"}
     python = str(PLACE / library.environment / "bin" / "python")
