@@ -101,7 +101,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
 
     def _begin(self, seed: int | Sequence[int | None] | None, chosen: np.ndarray) -> None:
         """Reset the chosen worlds: those with a seed to its first episode, the others to their next."""
-        if isinstance(seed, (int, np.integer)):
+        if isinstance(seed, (str, bytes)) or not (seed is None or isinstance(seed, (Sequence, np.ndarray))):
             self.simulation.reset(seed, chosen)
             return
         each: list[int | None] = [None] * self.num_envs if seed is None else list(seed)
@@ -112,7 +112,7 @@ class TagTrackVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
             each = [drawn + i if own is None else own for i, own in enumerate(each)]
         seeded = np.array([own is not None for own in each])
         if (chosen & seeded).any():
-            self.simulation.reset([own or 0 for own in each], chosen & seeded)
+            self.simulation.reset([0 if own is None else own for own in each], chosen & seeded)
         if (chosen & ~seeded).any():
             self.simulation.reset(None, chosen & ~seeded)
 
