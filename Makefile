@@ -10,19 +10,20 @@ PIP := $(RUN) -m pip --disable-pip-version-check
 # The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
 STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 
-.PHONY: help setup train test check speed kill fuzz soak release-check clean
+.PHONY: help setup train test check speed kill fuzz soak release-check interop clean
 
 help:
 	@echo 'make train   train a policy and compare it with the paper (make train ARGS="--steps 1e3", to see it run)'
 	@echo 'make test    run the tests                               (make test ARGS="-k ping", ARGS="-m slow")'
 	@echo 'make check   ruff and mypy'
 	@echo 'make speed   steps and particle updates a second beside the readable reference filter'
+	@echo 'make interop run a script of each RL library in an environment of its own, and write docs/interop.md (minutes, gigabytes)'
 	@echo 'make kill    end commands at random moments: do they go on? (make kill ARGS=50)'
 	@echo 'make fuzz    hand in nonsense of each kind                  (make fuzz ARGS=100000)'
 	@echo 'make soak    step all worlds on two threads and on one      (make soak ARGS=3600, seconds)'
 	@echo 'make release-check   build a wheel and an sdist, try them in an empty venv, go through the list'
 	@echo 'make setup   only the set-up: $(VENV), CPU build of torch, this folder as an editable install'
-	@echo 'make clean   remove $(VENV) and the caches; runs/ stays'
+	@echo 'make clean   remove $(VENV), .interop and the caches; runs/ stays'
 	@echo 'Variables: PYTHON=$(PYTHON)  TORCH_INDEX=$(TORCH_INDEX)  ARGS="..."'
 
 setup: $(STAMP)
@@ -51,6 +52,9 @@ soak: $(STAMP)
 release-check: $(STAMP)
 	@$(RUN) -m tests.harness.release $(ARGS)
 
+interop: $(STAMP)
+	@TORCH_INDEX="$(TORCH_INDEX)" $(RUN) examples/interop/matrix.py $(ARGS)
+
 # torch comes first, and alone: its CPU build satisfies what asks for torch later, so nothing pulls a CUDA build.
 $(STAMP): pyproject.toml constraints.txt
 	@$(PIP) --version >/dev/null 2>&1 || { \
@@ -71,5 +75,5 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .interop build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tagtrack.envs.belief.assumptions import BELIEFS
-from tagtrack.envs.model import BELIEF, TRUTH, Model, find_model
-from tagtrack.envs.motions import PATHS, WALKS, Motion, Path
+from tagtrack.envs.model import BELIEF, TRUTH, Model, find_model, import_object
+from tagtrack.envs.motions import PATHS, WALKS, Motion, Path, Replay
 from tagtrack.envs.rewards import Term
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors import SENSORS, Sensor
@@ -152,6 +152,8 @@ def _interpret(old: Any, field_name: str, value: Any, name: str) -> Any:
 def _interpret_part(old: Any, field_name: str, value: Any, name: str) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return value
+    if isinstance(value, Mapping):
+        return _read_part(value, type(old), name)
     if field_name == "belief":
         if isinstance(value, str) and value in BELIEFS:
             return BELIEFS[value]
@@ -170,7 +172,7 @@ def _interpret_terms(value: Any, name: str) -> tuple[Any, ...]:
         value = [find_model(each.strip(), {}, (Term,), name) for each in value.split(",")]
     if not isinstance(value, (list, tuple)):
         raise ValueError(f"{name} must be MODULE:CLASS of a term of your own, or several with commas, got {value!r}")
-    return tuple(value)
+    return tuple(read_model(each, name) if isinstance(each, Mapping) else each for each in value)
 
 
 def _kind_name(value: Any) -> str:
@@ -192,4 +194,54 @@ def describe_scenario(scenario: Any) -> dict[str, Any]:
             plain[item.name] = value
     if isinstance(scenario, Model):
         plain["kind"] = type(scenario).__name__
+        if not type(scenario).__module__.startswith("tagtrack."):
+            plain["module"] = type(scenario).__module__
     return plain
+
+
+def read_scenario(plain: Mapping[str, Any]) -> Scenario:
+    """The scenario that ``describe_scenario`` described, also after JSON.
+
+    Raises:
+        ValueError: for a parameter or a kind that is not known, or a value out of range.
+
+    >>> read_scenario(describe_scenario(Scenario(episode_steps=600))) == Scenario(episode_steps=600)
+    True
+    """
+    return _read_part(plain, Scenario, "scenario")
+
+
+def read_model(plain: Mapping[str, Any], name: str) -> Any:
+    """The model that ``describe_scenario`` described; ``name`` is for errors."""
+    return _read_part(plain, Model, name)
+
+
+_KINDS = {kind.__name__: kind for kind in (*WALKS.values(), *PATHS.values(), Replay, *SENSORS.values(), *MODEMS.values())}
+
+
+def _read_part(plain: Mapping[str, Any], kind: type[Any], name: str) -> Any:
+    """One dataclass of plain values; ``kind`` is its class unless the values name their own."""
+    values = dict(plain)
+    own, module = values.pop("kind", None), values.pop("module", None)
+    if module is not None:
+        kind = import_object(f"{module}:{own}")
+    elif own is not None:
+        if own not in _KINDS:
+            raise ValueError(f"{name}.kind must be one of {', '.join(_KINDS)}, got {own!r}")
+        kind = _KINDS[own]
+    known = {item.name: item for item in dataclasses.fields(kind)}
+    if unknown := sorted(set(values) - set(known)):
+        raise ValueError(f"unknown parameter {name}.{unknown[0]}; known: {', '.join(known)}")
+    return kind(**{key: _read_value(value, known[key], f"{name}.{key}") for key, value in values.items()})
+
+
+def _read_value(value: Any, item: dataclasses.Field[Any], name: str) -> Any:
+    """A field's value in its own kind, which its default shows."""
+    default = item.default_factory() if item.default_factory is not dataclasses.MISSING else item.default
+    if item.name == "own":
+        return tuple(read_model(term, f"{name}.{key}") for key, term in dict(value).items())
+    if isinstance(value, Mapping):
+        return _read_part(value, type(default), name)
+    if isinstance(default, enum.IntEnum) and isinstance(value, str):
+        return _interpret(default, item.name, value, name)
+    return tuple(value) if isinstance(value, list) else value

@@ -19,7 +19,7 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.single import LARGEST_DRAWN_SEED
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
-from tagtrack.envs.telling import tell_vehicles
+from tagtrack.envs.telling import tell_fish, tell_vehicles
 from tagtrack.envs.validation import as_actions, brief
 
 if TYPE_CHECKING:
@@ -88,7 +88,8 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     Of each agent ``localization_error`` (mean over the tags) [m], ``range`` to the nearest fish and ``separation`` from the
     nearest other vehicle that takes part, infinite without one [m], ``encroachments``: how often in the episode it came nearer
     than ``reward.least_separation`` to another one, ``detected``: how many tags it heard in this step, ``messages`` sent and
-    ``received`` in the episode, and ``battery``, the share that is left, where there is one.
+    ``received`` in the episode, ``battery``, the share that is left, where there is one, and ``vehicle_position`` (2,), where it
+    believes it is [m]. Of the truth, which no policy may see: ``true_vehicle_position`` (2,), ``true_fish_position`` (T, 2) [m].
 
     Args:
         env_id: of ours, or one that somebody registered; or a ``Task``.
@@ -207,8 +208,12 @@ class TagTrackParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return {agent: self.simulation.observation[0, self._places[agent]].copy() for agent in self.agents}
 
     def _infos(self) -> dict[str, dict[str, Any]]:
-        told = {name: values[0].tolist() for name, values in tell_vehicles(self.simulation).items()}
-        return {agent: {name: values[self._places[agent]] for name, values in told.items()} for agent in self.agents}
+        told, fish = tell_vehicles(self.simulation), tell_fish(self.simulation)[0]
+        places = {agent: self._places[agent] for agent in self.agents}
+        return {
+            agent: {**{name: values[0, v] for name, values in told.items()}, "true_fish_position": fish.copy()}
+            for agent, v in places.items()
+        }
 
     def _show(self) -> None:
         if self._picture is not None:

@@ -11,22 +11,32 @@ import gymnasium
 import numpy as np
 
 from tagtrack.envs.belief.row import BELIEF
-from tagtrack.envs.measurement import Status
+from tagtrack.envs.measurement import NAVIGATION, Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
+from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
-from tagtrack.envs.task import Task, TaskOptions, build_task
-from tagtrack.envs.telling import all_have_left, team_reward, tell, tell_terms
+from tagtrack.envs.specification import limit_asked_of_make, plain_spec
+from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
+from tagtrack.envs.telling import all_have_left, team_reward, tell, term_names
 from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
     from typing_extensions import Unpack
 
 LARGEST_DRAWN_SEED = 2**31
 HEARD = int(Status.HEARD)
-_FIELDS = list(BELIEF.names or ())
-MEANS = slice(_FIELDS.index("mean_x"), _FIELDS.index("mean_y") + 1)  # places in a belief's record
-SPREADS = slice(_FIELDS.index("xx"), _FIELDS.index("xy") + 1)
+
+
+def _fields(record: np.dtype, first: str, last: str) -> slice:
+    """Where neighbouring fields are in a record."""
+    names = list(record.names or ())
+    return slice(names.index(first), names.index(last) + 1)
+
+
+MEANS, SPREADS = _fields(BELIEF, "mean_x", "mean_y"), _fields(BELIEF, "xx", "xy")
+KNOWN_PLACE, TRUE_PLACE = _fields(NAVIGATION, "x", "y"), _fields(VEHICLE, "x", "y")
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -89,7 +99,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
 
     ## Reward
 
-    The sum of the weighted terms, each also in ``info["reward_terms"]``:
+    The sum of the weighted terms, each also in the info (``info["reward_localization"]`` ...):
 
     * ``localization``: minus the localization error as a share of 100 m, at least -1;
     * ``standoff``: minus the share of the perimeter that the vehicle has intruded (0 in LeopardShark, which has none).
@@ -97,24 +107,26 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ## Ending
 
     An episode terminates when the battery is empty, where there is one (``vehicle.battery``). It is truncated
-    after the scenario's ``episode_steps`` (300), or earlier, after as many steps as ``gym.make``'s ``max_episode_steps`` says;
-    longer ones are made by ``overrides={"episode_steps": 600}``.
+    after the scenario's ``episode_steps`` (300), which ``overrides={"episode_steps": 600}`` changes, or after as many steps, more
+    or fewer, as ``gym.make``'s ``max_episode_steps`` says.
 
     ## Info
 
-    ``localization_error`` [m], ``range`` from vehicle to fish [m], ``detected`` (a usable signal came in at this step),
-    ``belief_mean`` (2,) [m], ``belief_covariance`` (2, 2) [m^2], ``battery`` (the share that is left, where there is one), and
-    after a step ``reward_terms``.
+    The same keys after ``reset`` and ``step``, flat, each a numpy array or number: ``localization_error`` [m], ``range`` from
+    vehicle to fish [m], ``detected`` (a usable signal came in at this step), ``belief_mean`` (2,) [m], ``belief_covariance``
+    (2, 2) [m^2], ``battery`` (the share that is left, where there is one), ``vehicle_position`` (2,) where the vehicle believes
+    it is [m], and ``reward_localization``, ``reward_standoff`` ... of each term of the reward, 0 after a reset. Of the truth,
+    which no policy may see: ``true_vehicle_position`` and ``true_fish_position`` (2,) [m], as error and range are.
 
     ## Several tags, several vehicles
 
     With ``tags=T`` the observation holds a row for each tag, and courses are relative to the vehicle's own heading
     (``overrides={"steer_by": "chosen"}``: to the line to a tag that the action chooses). The error counts as the mean over the
-    tags, ``range`` is that to the nearest fish; ``detected`` (T,), ``belief_mean`` (T, 2) and ``belief_covariance`` (T, 2, 2) are
-    of each tag.
+    tags, ``range`` is that to the nearest fish; ``detected`` (T,), ``belief_mean`` (T, 2), ``belief_covariance`` (T, 2, 2)
+    and ``true_fish_position`` (T, 2) are of each tag.
 
     With ``vehicles=V`` one action steers all: observation (V, D), action (V, A), the reward is the mean over the vehicles that
-    take part. Values of the info and of ``reward_terms`` get a first axis (V,), and ``separation`` from the nearest other
+    take part. Values of the info but ``true_fish_position`` get a first axis (V,), and ``separation`` from the nearest other
     vehicle [m], ``encroachments``, ``messages``, ``received`` and ``active`` (whether it still takes part) are among them. A
     vehicle whose battery is empty leaves, its observation is 0 from then on; the episode terminates when all have left. Rows and
     messages are documented in ``tagtrack.envs.parallel.TagTrackParallelEnv``, where each vehicle is an agent of its own.
@@ -158,6 +170,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         task = build_task(env_id or self.default_id, **options)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be None, 'rgb_array' or 'human', got {render_mode!r}")
+        self.task = task
         self.render_mode = render_mode
         self.simulation = Simulation(task.scenario, tracks=task.tracks)
         vehicles = task.scenario.vehicles
@@ -166,12 +179,28 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._is_lone = vehicles == 1 and task.scenario.targets == 1 and task.scenario.vehicle.battery == 0
         self._own = (0, 0) if vehicles == 1 else (0,)  # where the world's rows are in the simulation's arrays
         self._lifted = (np.newaxis,) * len(self._own)
-        self._terms = task.scenario.reward.names
+        self._terms = term_names(self.simulation)
+        self._no_terms = [0.0] * len(self._terms)
         # Kept, for looking them up costs; whole arrays, for a copy of a view would be cut off from the copied simulation.
         worlds, self._outputs = self.simulation.worlds, self.simulation.outputs
         self._beliefs, self._encounters, self._measurements = worlds.beliefs, worlds.encounters, worlds.measurements
+        self._navigation, self._vehicles, self._fish = worlds.navigation, worlds.vehicles, worlds.fish
         self._picture = Picture(self.simulation) if render_mode else None
+        self.episode_limit = task.scenario.episode_steps
+        self._spec: EnvSpec | None = None
         self._begun = False
+
+    @property
+    def spec(self) -> EnvSpec | None:  # type: ignore[override]
+        """Gymnasium's specification: ``spec.to_json()`` makes the same environment again, whatever options it was made with."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = plain_spec(spec)
+        asked = limit_asked_of_make()
+        if asked is not None:
+            self.episode_limit = episode_limit(self.simulation.scenario, asked)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         """Begin an episode: of ``seed`` its first, without a seed the next one. ``options`` has no keys."""
@@ -181,7 +210,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.simulation.reset(seed)
         self._begun = True
         self._show()
-        return self._outputs.observation[self._own].copy(), self._info()
+        return self._outputs.observation[self._own].copy(), self._info(stepped=False)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Steer for one time step (see the class)."""
@@ -189,29 +218,37 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             raise gymnasium.error.ResetNeeded("call reset before step")
         simulation = self.simulation
         simulation.step(as_actions(action)[self._lifted])
-        info = self._info()
+        info = self._info(stepped=True)
         if self._is_lone:
-            terms = self._outputs.terms[0, 0]
-            info["reward_terms"] = dict(zip(self._terms, terms.tolist(), strict=True))
-            reward, terminated = float(np.add.reduce(terms)), False
+            reward, terminated = float(np.add.reduce(self._outputs.terms[0, 0])), False
         else:
-            info["reward_terms"] = {name: _plain(values[0]) for name, values in tell_terms(simulation).items()}
             reward, terminated = float(team_reward(simulation)[0]), bool(all_have_left(simulation)[0])
-        truncated = bool(simulation.worlds.clock["step"][0] >= simulation.scenario.episode_steps)
+        truncated = bool(simulation.worlds.clock["step"][0] >= self.episode_limit)
         self._show()
         return self._outputs.observation[self._own].copy(), reward, terminated, truncated, info
 
-    def _info(self) -> dict[str, Any]:
+    def _info(self, *, stepped: bool) -> dict[str, Any]:
+        """Flat, the same keys after reset and step, and all of numpy: other libraries stack infos by key, shape and dtype."""
         if not self._is_lone:
-            return {name: _plain(values[0]) for name, values in tell(self.simulation).items()}
+            return {name: _own(values[0]) for name, values in tell(self.simulation, np.array([stepped])).items()}
         belief = self._beliefs.item()
         xx, yy, xy = belief[SPREADS]
+        # One array, of which the info's are parts: to make each by itself took as long as a quarter of a step.
+        told = np.array((
+            self._outputs.error.item(), self._encounters["range"].item(), *belief[MEANS], xx, xy, xy, yy,
+            *self._navigation.item()[KNOWN_PLACE], *self._vehicles.item()[TRUE_PLACE], *self._fish[0, 0, :2, 0].tolist(),
+            *(self._outputs.terms[0, 0].tolist() if stepped else self._no_terms),
+        ))  # fmt: skip
         return {
-            "localization_error": self._outputs.error.item(),
-            "range": self._encounters["range"].item(),
-            "detected": self._measurements["status"].item() == HEARD,
-            "belief_mean": np.array(belief[MEANS]),
-            "belief_covariance": np.array(((xx, xy), (xy, yy))),
+            "localization_error": told[0],
+            "range": told[1],
+            "detected": np.array(self._measurements["status"].item() == HEARD),
+            "belief_mean": told[2:4],
+            "belief_covariance": told[4:8].reshape(2, 2),
+            "vehicle_position": told[8:10],
+            "true_vehicle_position": told[10:12],
+            "true_fish_position": told[12:14],
+            **dict(zip(self._terms, told[14:], strict=True)),
         }
 
     def _show(self) -> None:
@@ -235,6 +272,6 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.simulation.close()
 
 
-def _plain(value: np.ndarray) -> Any:
-    """A Python number for a single one, else the array."""
-    return value if value.ndim else value.item()
+def _own(value: Any) -> Any:
+    """A value of an info; bool alone is an array without axes, for Gymnasium's vectors make objects of numpy's own."""
+    return np.array(value) if isinstance(value, np.bool_) else value

@@ -16,7 +16,7 @@ import tagtrack
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import find_stretches
 from tagtrack.envs.motions.tracks import Track, read_tracks
-from tagtrack.envs.overrides import with_overrides
+from tagtrack.envs.overrides import read_scenario, with_overrides
 from tagtrack.envs.presets import find_preset
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.sim.modem import Modem
@@ -40,8 +40,8 @@ class TaskOptions(TypedDict, total=False):
     """How fast it swims its track: 0.5 is half the recorded speed (``fish.time_scale``)."""
     overrides: Mapping[str, Any] | None
     """Dotted name -> value, for instance ``{"water.noisy_share": 0.3}`` (see ``with_overrides``)."""
-    scenario: Scenario | None
-    """A whole scenario of one's own, which the other options then change."""
+    scenario: Scenario | Mapping[str, Any] | None
+    """A whole scenario of one's own, which the other options then change; also as ``describe_scenario`` tells of it."""
     vehicles: int | None
     """How many vehicles, 1 to 20."""
     tags: int | None
@@ -85,19 +85,24 @@ def build_task(env_id: str | Task, **options: Unpack[TaskOptions]) -> Task:
             imports a module first, as ``gymnasium.make`` does.
         options: as ``TaskOptions`` lists them.
     Raises:
+        TypeError: for an option that is none of these.
         ValueError: for an unknown id, preset or name, a value out of range, a time_scale without a track, a motion
             beside a track, a broken track file or one without a stretch as long as an episode; for options beside a Task.
         FileNotFoundError: where there is no such file.
     """
     unknown = sorted(set(options) - set(TaskOptions.__annotations__))
     if unknown:
-        raise ValueError(f"unknown option {unknown[0]!r} of a task; known: {', '.join(TaskOptions.__annotations__)}")
+        # In Python's own words: TorchRL tries options of other environments, and drops those that are refused so.
+        known = ", ".join(TaskOptions.__annotations__)
+        raise TypeError(f"got an unexpected keyword argument {unknown[0]!r}; options of a task: {known}")
     if isinstance(env_id, Task):
         given = [name for name, value in options.items() if value is not None]
         if given:
             raise ValueError(f"{given[0]} cannot be changed in a task that is made; build it with it")
         return env_id
     scenario, preset, tracks = options.get("scenario"), options.get("preset"), options.get("tracks")
+    if isinstance(scenario, Mapping):
+        scenario = read_scenario(scenario)
     if scenario is not None and preset is not None:
         raise ValueError(f"preset={preset!r} and a scenario are two scenarios; give one of them")
     name = env_id if scenario is not None and env_id in SCENARIOS else full_id(env_id)
@@ -206,9 +211,7 @@ def _registered_task(env_id: str) -> Task:
         raise ValueError(f"{env_id} was registered with itself as env_id; name one of {', '.join(SCENARIOS)}, or give a scenario")
     task = build_task(base, **options)._replace(env_id=env_id)
     limit = _specification(env_id).max_episode_steps
-    if limit is None or limit >= task.scenario.episode_steps:
-        return task
-    return task._replace(scenario=replace(task.scenario, episode_steps=limit))
+    return task._replace(scenario=replace(task.scenario, episode_steps=episode_limit(task.scenario, limit)))
 
 
 def _build_replay(scenario: Scenario, changes: dict[str, Any], tracks: str | Path, time_scale: float | None) -> Task:
@@ -257,7 +260,7 @@ def parse_overrides(texts: Sequence[str], motion: str | None = None) -> dict[str
 
 
 def episode_limit(scenario: Scenario, steps: int | None, name: str = "max_episode_steps") -> int:
-    """Steps after which an episode ends: the scenario's ``episode_steps``, unless a shell is told another number.
+    """Steps after which an episode ends: the scenario's ``episode_steps``, unless a shell is told another number, more or fewer.
 
     Args:
         name: of the shell's argument, for errors.

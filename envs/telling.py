@@ -21,14 +21,33 @@ def tell_vehicles(simulation: Simulation) -> dict[str, np.ndarray]:
         "detected": outcomes["heard"].astype(np.int64),
         "messages": worlds.radios["sent"].copy(),
         "received": worlds.radios["received"].copy(),
+        **_tell_positions(simulation),
     }
     if simulation.scenario.vehicle.battery > 0:
         told["battery"] = worlds.navigation["battery"].copy()
     return told
 
 
-def tell(simulation: Simulation) -> dict[str, np.ndarray]:
-    """What Gymnasium's infos hold, (B, ...): see ``TagTrackEnv``."""
+def _tell_positions(simulation: Simulation) -> dict[str, np.ndarray]:
+    """Where vehicles believe they are and where they are, (B, V, 2) [m]."""
+    navigation = simulation.worlds.navigation
+    return {
+        "vehicle_position": np.stack([navigation["x"], navigation["y"]], axis=-1),
+        "true_vehicle_position": simulation.vehicle_position,
+    }
+
+
+def tell_fish(simulation: Simulation) -> np.ndarray:
+    """(B, T, 2) where the fish are [m]; float64, as all other numbers that are told."""
+    return simulation.fish_position.astype(np.float64)
+
+
+def tell(simulation: Simulation, stepped: np.ndarray) -> dict[str, np.ndarray]:
+    """What Gymnasium's infos hold, (B, ...): see ``TagTrackEnv``.
+
+    Args:
+        stepped: (B,) bool, the worlds that a step has brought where they are; where a reset did, no reward was given yet.
+    """
     vehicles = simulation.scenario.vehicles
     info = {
         "localization_error": simulation.outputs.outcomes["error"].copy(),
@@ -36,14 +55,18 @@ def tell(simulation: Simulation) -> dict[str, np.ndarray]:
         "detected": _squeeze_tags(simulation.detected, simulation),
         "belief_mean": _squeeze_tags(_of_each(simulation.mean, vehicles), simulation),
         "belief_covariance": _squeeze_tags(_of_each(simulation.covariance, vehicles), simulation),
+        **_tell_positions(simulation),
+        **_tell_terms(simulation, stepped),
     }
     if simulation.scenario.vehicle.battery > 0:
         info["battery"] = simulation.worlds.navigation["battery"].copy()
+    fish = tell_fish(simulation)
+    fish_info = {"true_fish_position": fish[:, 0] if simulation.scenario.targets == 1 else fish}
     if vehicles == 1:
-        return {name: values[:, 0] for name, values in info.items()}
+        return {name: values[:, 0] for name, values in info.items()} | fish_info
     told = tell_vehicles(simulation)
     counts = {name: told[name] for name in ("separation", "encroachments", "messages", "received")}
-    return info | counts | {"active": simulation.worlds.navigation["active"].copy()}
+    return info | fish_info | counts | {"active": simulation.worlds.navigation["active"].copy()}
 
 
 def _of_each(beliefs: np.ndarray, vehicles: int) -> np.ndarray:
@@ -56,10 +79,15 @@ def _squeeze_tags(values: np.ndarray, simulation: Simulation) -> np.ndarray:
     return values[:, :, 0] if simulation.scenario.targets == 1 else values
 
 
-def tell_terms(simulation: Simulation) -> dict[str, np.ndarray]:
-    """The weighted terms of the reward by name, (B, V), or (B,) of a single vehicle."""
-    own = (slice(None), 0) if simulation.scenario.vehicles == 1 else ...
-    return {name: term[own].copy() for name, term in simulation.reward_terms.items()}
+def _tell_terms(simulation: Simulation, stepped: np.ndarray) -> dict[str, np.ndarray]:
+    """The weighted terms of the reward by the names of ``term_names``, (B, V); 0 where no step was made."""
+    terms = np.where(stepped[:, np.newaxis, np.newaxis], simulation.outputs.terms, 0.0)
+    return {name: terms[..., k].copy() for k, name in enumerate(term_names(simulation))}
+
+
+def term_names(simulation: Simulation) -> list[str]:
+    """By which infos know the terms of the reward: flat, for most libraries batch no dictionaries in dictionaries."""
+    return [f"reward_{name}" for name in simulation.scenario.reward.names]
 
 
 def team_reward(simulation: Simulation) -> np.ndarray:

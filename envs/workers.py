@@ -6,6 +6,7 @@ delays one small part, not half of the batch. Which thread computes a row change
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -29,6 +30,13 @@ class Workers:
         bounds = np.linspace(0, rows, parts + 1).astype(int).tolist()
         self._parts = list(zip(bounds[:-1], bounds[1:], strict=True))
         self._pool = ThreadPoolExecutor(self.threads - 1) if self.threads > 1 else None
+        self._process = os.getpid()
+
+    def _ready_pool(self) -> ThreadPoolExecutor | None:
+        """The pool; a forked process makes its own: threads do not come along, and to wait for them would never end."""
+        if self._pool is not None and self._process != os.getpid():
+            self._pool, self._process = ThreadPoolExecutor(self.threads - 1), os.getpid()
+        return self._pool
 
     def run(self, kernel: Callable[..., None], *arguments: Any) -> None:
         """Call ``kernel(first, last, *arguments, scratch)`` for all parts of the batch; return when all are done."""
@@ -38,7 +46,8 @@ class Workers:
             for first, last in parts:
                 kernel(first, last, *arguments, scratch)
 
-        others = [self._pool.submit(work, scratch) for scratch in self.scratch[1:]] if self._pool is not None else []
+        pool = self._ready_pool()
+        others = [pool.submit(work, scratch) for scratch in self.scratch[1:]] if pool is not None else []
         work(self.scratch[0])
         for other in others:
             other.result()
@@ -46,6 +55,6 @@ class Workers:
     def close(self) -> None:
         """End the threads but the caller's."""
         if self._pool is not None:
-            self._pool.shutdown()
+            self._ready_pool().shutdown()  # type: ignore[union-attr]
             self._pool = None
             self.threads, self.scratch = 1, self.scratch[:1]

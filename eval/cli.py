@@ -15,6 +15,7 @@ from tagtrack.eval.field.array.command import Array
 from tagtrack.eval.field.tag_clock.calibrate import Calibrate
 from tagtrack.eval.headroom import Headroom
 from tagtrack.eval.messages import Messages
+from tagtrack.eval.minari_sets import Minari
 from tagtrack.eval.papers.command import Papers
 from tagtrack.eval.speed.command import Speed
 from tagtrack.eval.tradeoff import Tradeoff
@@ -32,10 +33,12 @@ Command = (
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Papers, tyro.conf.subcommand("papers")]
     | Annotated[Array, tyro.conf.subcommand("array")]
+    | Annotated[Minari, tyro.conf.subcommand("minari")]
 )
 DESCRIPTION = (
     "Compare policies on the same fish, tune baselines, estimate what is left to gain, weigh what talking is worth, check the "
-    "belief, time the simulation, calibrate tags, repeat the papers' experiments, locate tags by moored receivers."
+    "belief, time the simulation, calibrate tags, repeat the papers' experiments, locate tags by moored receivers, "
+    "write data sets for offline learning."
 )
 
 

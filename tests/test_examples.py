@@ -69,7 +69,7 @@ env = gym.make("tagtrack:TagTrack/LeopardShark-v0", particles=100, overrides={
 env.reset(seed=0)
 for _ in range(20):
     observation, reward, _, _, info = env.step(env.action_space.sample())
-    terms = info["reward_terms"]
+    terms = {name[len("reward_"):]: value for name, value in info.items() if name.startswith("reward_")}
     assert abs(terms["keep_distance"] + 0.5 * min(abs(info["range"] - 40.0) / 40.0, 1.0)) < 1e-12
     assert abs(sum(terms.values()) - reward) < 1e-12 and observation in env.observation_space
 print(list(terms))

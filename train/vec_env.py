@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
+from tagtrack.envs.batch_views import RENDERING, Pictures, WorldView
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
-from tagtrack.envs.telling import all_have_left
+from tagtrack.envs.telling import all_have_left, tell_vehicles
 from tagtrack.envs.validation import as_actions, whole_number
 from tagtrack.train.holding import HeldCourse
+from tagtrack.train.single_envs import read_functions
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -33,12 +38,16 @@ class TagTrackVecEnv(VecEnv):
     info holds ``terminal_observation``, ``TimeLimit.truncated`` (False for a vehicle that has left) and ``episode``, which is
     what ``Monitor`` reports, so that no Monitor is needed: the return ``r``, the length ``l``, the time ``t`` since this object
     was made [s], and beside them ``localization_error``, the episode's mean [m]. Length and mean are over the steps in which the
-    vehicle took part.
+    vehicle took part. Beside it stands what the last step told of the vehicle, for ``VecMonitor(info_keywords=...)``: keys as in
+    ``TagTrackParallelEnv``.
+
+    ``make_vec_env(id, n_envs=8, vec_env_cls=TagTrackVecEnv)`` makes one, too.
 
     Args:
-        env_id: or a ``Task``. options: as for ``TagTrackEnv``.
+        env_id: or a ``Task``; or functions that make one single environment each, as ``make_vec_env`` hands over: as many worlds
+            of the first one's task. options: as for ``TagTrackEnv``.
         num_envs: rows, worlds times vehicles, as Stable-Baselines3 counts them; those of one world if None.
-        max_episode_steps, threads: as for ``TagTrackVectorEnv``.
+        max_episode_steps, threads, render_mode: as for ``TagTrackVectorEnv``. ``get_images`` gives a picture of each world.
         stagger: spread the ends of the first episodes evenly over an episode's length, lest all worlds start anew
             together; those episodes are shorter.
         hold: steps of the environment that one action lasts. The course chosen is held: where actions are relative to the own
@@ -49,22 +58,30 @@ class TagTrackVecEnv(VecEnv):
 
     def __init__(
         self,
-        env_id: str | Task = "TagTrack/LeopardShark-v0",
+        env_id: str | Task | Sequence[Callable[[], gymnasium.Env]] = "TagTrack/LeopardShark-v0",
         num_envs: int | None = None,
         *,
         max_episode_steps: int | None = None,
         threads: int = 1,
+        render_mode: str | None = None,
         stagger: bool = False,
         hold: int = 1,
         **options: Unpack[TaskOptions],
     ) -> None:
-        task = build_task(env_id, **options)
+        if isinstance(env_id, (str, Task)):
+            task = build_task(env_id, **options)
+        else:
+            made = read_functions(env_id)
+            task, render_mode, max_episode_steps = made.task, made.render_mode, max_episode_steps or made.episode_limit
+            num_envs = num_envs or len(env_id) * task.scenario.vehicles
         self.hold = _whole_number("hold", hold)
         worlds = _count_worlds(num_envs, task.scenario.vehicles)
         self.simulation = Simulation(task.scenario, worlds, threads=threads, tracks=task.tracks)
-        self.render_mode = None  # the base class asks for it
+        self.render_mode = render_mode  # the base class asks for it
+        self._pictures = Pictures(self.simulation, render_mode)
         rows = worlds * task.scenario.vehicles
         super().__init__(rows, observation_space(task.scenario), action_space(task.scenario))
+        self.metadata = {**self.metadata, "render_fps": RENDERING["render_fps"]}
         self.episode_limit = episode_limit(task.scenario, max_episode_steps)
         self.stagger = stagger
         self._may_leave = task.scenario.vehicle.battery > 0
@@ -75,7 +92,7 @@ class TagTrackVecEnv(VecEnv):
         self._return = np.zeros(shape)
         self._error = np.zeros(shape)  # sum over the episode [m]
         self._length = np.zeros(shape, np.int64)  # steps in which the vehicle took part
-        self._actions = np.zeros((rows, len(self.simulation.action_names)), np.float32)
+        self._actions: np.ndarray = np.zeros((rows, len(self.simulation.action_names)), np.float32)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seeds of the next reset: ``seed`` and those that follow it. Raises ValueError for no whole number."""
@@ -92,6 +109,7 @@ class TagTrackVecEnv(VecEnv):
         worlds = self.simulation.num_worlds
         self._head_start[:] = np.arange(worlds) * self.episode_limit // worlds if self.stagger else 0
         self._forget(np.ones(worlds, bool))
+        self._pictures.follow()
         return self._observe()
 
     def go_on_from(self, state: tuple[np.ndarray, ...]) -> None:
@@ -100,13 +118,15 @@ class TagTrackVecEnv(VecEnv):
         self._begun = True
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for ``step_wait``."""
-        self._actions = actions
+        """Keep the actions, (rows, A), for ``step_wait``. Raises ResetNeeded before the first reset."""
+        if not self._begun:
+            raise ResetNeeded("call reset before step")
+        self._actions = np.array(as_actions(actions))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         """Step all worlds under one action of each row; those whose episode has ended begin the next one in the same step."""
         simulation, shape = self.simulation, self._return.shape
-        actions = as_actions(self._actions)
+        actions: np.ndarray = self._actions
         if len(actions) == self.num_envs:  # else the simulation says what is wrong
             actions = actions.reshape(*shape, -1)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -126,6 +146,7 @@ class TagTrackVecEnv(VecEnv):
             simulation.reset(mask=ended)
             self._head_start[ended] = 0
             self._forget(ended)
+        self._pictures.follow()
         dones = np.repeat(ended, shape[1])
         return self._observe(), reward.ravel().astype(np.float32), dones, infos
 
@@ -157,7 +178,7 @@ class TagTrackVecEnv(VecEnv):
 
     def _report(self, world: int, infos: list[dict[str, Any]]) -> None:
         """Fill the infos of a world whose episode has just ended."""
-        vehicles = self._return.shape[1]
+        vehicles, told = self._return.shape[1], tell_vehicles(self.simulation)
         for v in range(vehicles):
             length = int(self._length[world, v])
             episode = {
@@ -167,6 +188,7 @@ class TagTrackVecEnv(VecEnv):
                 "localization_error": float(self._error[world, v]) / length,
             }
             infos[world * vehicles + v] = {
+                **{name: values[world, v] for name, values in told.items()},
                 "terminal_observation": self.simulation.observation[world, v].copy(),
                 "TimeLimit.truncated": bool(self.simulation.worlds.navigation["active"][world, v]),
                 "episode": episode,
@@ -176,9 +198,23 @@ class TagTrackVecEnv(VecEnv):
         """End the simulation's threads."""
         self.simulation.close()
 
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """A picture (H, W, 3) uint8 of each world, None without a render mode; ``render`` lays them out as a grid."""
+        return [self._paint(world) for world in range(self.simulation.num_worlds)]
+
+    def _paint(self, world: int) -> np.ndarray | None:
+        if self.render_mode is not None and not self._begun:
+            raise ResetNeeded("call reset before render")
+        return self._pictures.paint(world)
+
+    def _views(self, indices: int | Iterable[int] | None) -> list[WorldView]:
+        """The world of each row."""
+        worlds = [row // self.simulation.scenario.vehicles for row in self._get_indices(indices)]
+        return [WorldView(self, world, render=partial(self._paint, world)) for world in worlds]
+
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
         """An attribute of the batch, once for each row: all share it."""
-        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+        return [getattr(view, attr_name) for view in self._views(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None) -> None:
         """Not to be had: worlds of a batch share their attributes."""
@@ -187,8 +223,12 @@ class TagTrackVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: int | Iterable[int] | None = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Not to be had: no world of a batch is an object of its own."""
-        raise NotImplementedError(f"no world of a batch has its own {method_name!r}; see its simulation")
+        """What a method of each row's world returns: ``render``, ``get_wrapper_attr``, ``has_wrapper_attr``.
+
+        Raises:
+            AttributeError: for what worlds of a batch do not do one by one (``step``, ``reset``).
+        """
+        return [getattr(view, method_name)(*method_args, **method_kwargs) for view in self._views(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: int | Iterable[int] | None = None) -> list[bool]:
         """True for ``Monitor``, whose report this class gives by itself."""

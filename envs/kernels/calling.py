@@ -18,6 +18,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from tagtrack.envs.kernels.compiling import FAST_MATHS, compiled, mark_foreign
+from tagtrack.envs.kernels.turns import turn_of_callback
 
 ROW = 80  # parameters of a model at most; they travel as one row of so many
 
@@ -104,7 +105,8 @@ class Native:
         options: dict[str, Any] = {"fastmath": FAST_MATHS, "error_model": "numpy"}
         try:
             try:
-                return numba.cfunc(self.signature.type, cache=True, **options)(self.function)
+                with turn_of_callback(self.function, self.signature.type):
+                    return numba.cfunc(self.signature.type, cache=True, **options)(self.function)
             except RuntimeError:  # no file to cache beside: a notebook, a string
                 return numba.cfunc(self.signature.type, **options)(self.function)
         except Exception as error:  # numba's own, and a KeyError where a record has no such field

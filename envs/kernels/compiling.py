@@ -9,10 +9,12 @@ kernels that fill it.
 
 from __future__ import annotations
 
+import getpass
 import hashlib
 import os
 import re
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +23,8 @@ from typing import Any
 import numba
 from numba.core import event
 from numba.core.caching import CacheImpl, _CacheLocator
+
+from tagtrack.envs.kernels.turns import compile_in_turn
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError("the simulation is compiled code, which NUMBA_DISABLE_JIT forbids; unset NUMBA_DISABLE_JIT")
@@ -84,7 +88,10 @@ def mark_foreign(function: Callable[..., Any]) -> None:
 
 
 class SourceStampedCache(_CacheLocator):
-    """Places the cache in ``__pycache__`` beside the source or, where that cannot be written, in the user's cache folder."""
+    """Places the cache in ``__pycache__`` beside the source or, where that cannot be written, in the user's cache folder.
+
+    Where neither can be, as in a container that only reads, it is in a temporary folder.
+    """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         self._py_func = py_func
@@ -122,8 +129,29 @@ class SourceStampedCache(_CacheLocator):
         try:
             locator.ensure_cache_path()
         except OSError:
-            return None
+            locator._folder = temporary_cache(locator._folder)
         return locator
+
+
+@lru_cache(maxsize=1)
+def temporary_cache(refused: Path) -> Path:
+    """A folder for compiled code in place of one that cannot be written; says so, once per process.
+
+    It is the user's own and for nobody else to write, for what lies there is run: the same one for all processes of a user.
+    """
+    try:
+        folder = Path(tempfile.gettempdir()) / f"tagtrack-{getpass.getuser()}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        owned = folder.lstat()
+        safe = not folder.is_symlink() and owned.st_uid == getattr(os, "getuid", lambda: owned.st_uid)()
+        safe = safe and not owned.st_mode & 0o022 and os.access(folder, os.W_OK)
+    except (OSError, KeyError):  # a user without a name
+        safe = False
+    if not safe:
+        folder = Path(tempfile.mkdtemp(prefix="tagtrack-"))
+    print(f"TagTrack cannot write to {refused}; it keeps its compiled code in {folder} (NUMBA_CACHE_DIR names another)",
+          file=sys.stderr, flush=True)  # fmt: skip
+    return folder
 
 
 def _is_writable(folder: Path) -> bool:
@@ -171,7 +199,9 @@ _OPTIONS = {
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows."""
-    return _njit(**_OPTIONS)(function)
+    kernel = _njit(**_OPTIONS)(function)
+    compile_in_turn(kernel)
+    return kernel
 
 
 def inner(function: Callable[..., Any]) -> Any:
@@ -188,6 +218,7 @@ def inner(function: Callable[..., Any]) -> Any:
     def refuse(*args: Any, **kwargs: Any) -> None:
         raise TypeError(f"{function.__name__} is a part of compiled kernels; to call it from Python, decorate it with @compiled")
 
+    compile_in_turn(part)
     part.add_overload = register
     part._compile_for_args = refuse
     return part

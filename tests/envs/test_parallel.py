@@ -243,12 +243,17 @@ def test_ends_after_max_cycles_for_all_at_once_and_asks_for_a_reset() -> None:
         ({"vehicles": 1.5}, "vehicles must be a whole number from 1 to 20, got 1.5"),
         ({"formation": "wedge"}, "formation must be one of ring, line, got 'wedge'"),
         ({"render_mode": "ansi"}, "render_mode must be None, 'rgb_array' or 'human', got 'ansi'"),
-        ({"speed": 3}, "unknown option 'speed' of a task"),
     ],
 )
 def test_bad_fleets_are_named(options: dict, says: str) -> None:
     with pytest.raises(ValueError, match=says):
         parallel_env(**options)
+
+
+def test_unknown_option_is_refused_as_python_does() -> None:
+    """TorchRL offers ``frameskip`` and goes on without where the words are these."""
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'frameskip'; options of a task: preset, "):
+        parallel_env(frameskip=1)
 
 
 def test_actions_are_for_all_agents_and_no_one_else() -> None:

@@ -4,6 +4,7 @@ import copy
 import inspect
 import re
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -26,6 +27,11 @@ AHEAD = np.array([1.0, 0.0], np.float32)
 
 def make(**arguments) -> TagTrackEnv:
     return TagTrackEnv(**{"particles": 100, **arguments})
+
+
+def terms_of(info: dict[str, Any]) -> dict[str, Any]:
+    """The terms of the reward by their names."""
+    return {name.removeprefix("reward_"): value for name, value in info.items() if name.startswith("reward_")}
 
 
 def table_under(heading: str, documented: type[TagTrackEnv] = TagTrackEnv) -> list[list[str]]:
@@ -84,13 +90,36 @@ def test_observations_stay_inside_their_bounds_in_bad_water(env_id: str) -> None
 
 def test_step_returns_python_numbers_and_the_info_it_promises() -> None:
     env = make()
-    _, first = env.reset(seed=1)
+    env.reset(seed=1)
     _, reward, terminated, truncated, info = env.step(AHEAD)
     assert type(reward) is float and terminated is False and truncated is False
-    assert type(info["localization_error"]) is float and type(info["range"]) is float and type(info["detected"]) is bool
     assert info["belief_mean"].shape == (2,) and info["belief_covariance"].shape == (2, 2)
-    assert info["reward_terms"].keys() == {"localization", "standoff"}
-    assert first.keys() | {"reward_terms"} == info.keys()
+    assert all(f"``{name}``" in TagTrackEnv.__doc__ for name in info)
+
+
+@pytest.mark.parametrize("team", [{}, {"tags": 2}, {"vehicles": 2, "tags": 2}, {"overrides": {"vehicle.battery": 5.0}}], ids=str)
+def test_info_is_flat_and_of_numpy_and_of_one_shape_at_reset_and_step(team: dict[str, Any]) -> None:
+    env = make(**team)
+    _, first = env.reset(seed=1)
+    *_, later = env.step(np.zeros(env.action_space.shape, np.float32))
+    assert list(first) == list(later)
+    for name in first:
+        assert isinstance(later[name], (np.number, np.ndarray)) and type(first[name]) is type(later[name]), name
+        assert first[name].dtype == later[name].dtype and first[name].shape == later[name].shape, name
+    assert np.all(first["reward_localization"] == 0.0) and np.all(later["reward_localization"] < 0.0)
+
+
+def test_info_tells_places_and_whose_word_it_is() -> None:
+    """In a current, without a fix, a vehicle is not where it believes it is; range is between the true places."""
+    env = make(overrides={"vehicle.random_current": 0.3, "vehicle.fix_interval": 0.0})
+    env.reset(seed=1)
+    for _ in range(50):
+        info = env.step(AHEAD)[-1]
+    apart = np.hypot(*(info["true_fish_position"] - info["true_vehicle_position"]))
+    assert info["range"] == pytest.approx(apart, rel=1e-6)
+    navigation = env.simulation.worlds.navigation[0, 0]
+    assert info["vehicle_position"].tolist() == [navigation["x"], navigation["y"]]
+    assert np.hypot(*(info["vehicle_position"] - info["true_vehicle_position"])) > 0.1
 
 
 def test_several_tags_have_a_row_each_and_their_mean_error_counts() -> None:
@@ -100,9 +129,9 @@ def test_several_tags_have_a_row_each_and_their_mean_error_counts() -> None:
     _, reward, _, _, info = env.step(AHEAD)
     simulation = env.simulation
     assert info["localization_error"] == pytest.approx(simulation.error[0, 0].mean())
-    assert info["range"] == simulation.range[0, 0].min() and type(info["range"]) is float
+    assert info["range"] == simulation.range[0, 0].min() and info["true_fish_position"].shape == (3, 2)
     assert info["detected"].shape == (3,) and info["belief_mean"].shape == (3, 2) and info["belief_covariance"].shape == (3, 2, 2)
-    assert reward == sum(info["reward_terms"].values()) == -min(info["localization_error"], 100.0) / 100.0
+    assert reward == sum(terms_of(info).values()) == -min(info["localization_error"], 100.0) / 100.0
 
 
 def test_several_vehicles_are_steered_by_one_action() -> None:
@@ -111,9 +140,9 @@ def test_several_vehicles_are_steered_by_one_action() -> None:
     assert observation.shape == (2, len(features(env.simulation.scenario))) and env.action_space.shape == (2, 3)
     _, reward, terminated, truncated, info = env.step(np.ones((2, 3), np.float32))
     assert type(reward) is float and terminated is False and truncated is False
-    assert all(value.shape[0] == 2 for name, value in info.items() if name != "reward_terms")
+    assert all(value.shape[0] == 2 for name, value in info.items() if name != "true_fish_position")
     assert {"separation", "encroachments", "messages", "received", "active"} <= info.keys()
-    assert reward == pytest.approx(sum(term.mean() for term in info["reward_terms"].values()))
+    assert reward == pytest.approx(sum(term.mean() for term in terms_of(info).values()))
     with pytest.raises(ValueError, match=r"actions must have shape \(1, 2, 3\), got \(1, 3\)"):
         env.step(np.ones(3, np.float32))
 
@@ -149,7 +178,7 @@ def test_reward_is_the_sum_of_its_terms_and_minus_the_capped_error() -> None:
     env.reset(seed=3)
     for _ in range(30):
         _, reward, _, _, info = env.step(np.array([1.0, 0.0, 1.0], np.float32))
-        terms = info["reward_terms"]
+        terms = terms_of(info)
         assert reward == sum(terms.values())
         assert terms["localization"] == -min(info["localization_error"], 100.0) / 100.0
         assert terms["standoff"] == pytest.approx(-(1.0 - info["range"] / 500.0))
@@ -197,9 +226,10 @@ def test_episode_is_truncated_and_never_terminated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("episode_steps", "max_episode_steps", "length"), [(20, None, 20), (20, 30, 20), (400, None, 400), (350, 320, 320)]
+    ("episode_steps", "max_episode_steps", "length"),
+    [(20, None, 20), (20, 30, 30), (400, None, 400), (350, 320, 320), (20, -1, 20)],
 )
-def test_episode_lasts_as_the_scenario_says_or_less(episode_steps: int, max_episode_steps: int, length: int) -> None:
+def test_episode_lasts_as_the_scenario_says_or_as_make_is_asked(episode_steps: int, max_episode_steps: int, length: int) -> None:
     env = gym.make(
         "TagTrack/LeopardShark-v0",
         particles=10,

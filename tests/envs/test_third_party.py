@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 
 from tagtrack.envs.parallel import TagTrackParallelEnv, parallel_env
 
@@ -49,6 +52,56 @@ def test_supersuits_black_death_stands_in_for_vehicles_that_have_left() -> None:
                 left = True
                 assert (observations[agent] == 0.0).all() and rewards[agent] == 0.0
     assert left
+
+
+@pytest.mark.parametrize("base", ["gymnasium", "stable_baselines3"])
+def test_supersuit_runs_vehicles_in_processes_of_their_own(base: str) -> None:
+    supersuit = optional("supersuit")
+    env = supersuit.concat_vec_envs_v1(supersuit.pettingzoo_env_to_vec_env_v1(fleet()), 2, num_cpus=2, base_class=base)
+    env.reset()
+    for _ in range(3):
+        observation = env.step(np.zeros((6, 2), np.float32))[0]
+    assert np.isfinite(observation).all()
+    env.close()
+
+
+def torchrl_env() -> Any:
+    gym = optional("torchrl.envs.libs.gym")
+    env = gym.GymEnv("tagtrack:TagTrack/LeopardShark-v0", particles=16, overrides={"episode_steps": STEPS})
+    return env.auto_register_info_dict()
+
+
+@pytest.mark.parametrize("batched", ["SerialEnv", "ParallelEnv"])
+def test_torchrl_batches_infos(batched: str) -> None:
+    envs = optional("torchrl.envs")
+    env = getattr(envs, batched)(2, torchrl_env)
+    rollout = env.rollout(2 * STEPS, break_when_any_done=False)
+    env.close()
+    assert rollout["next", "reward_localization"].shape == (2, 2 * STEPS) and rollout["next", "belief_mean"].shape[-1] == 2
+    assert bool((rollout["next", "localization_error"] > 0.0).all()) and rollout["next", "done"].sum() == 4
+
+
+@pytest.mark.parametrize("mode", ["SAME_STEP", "DISABLED"])
+def test_torchrl_takes_the_vector_environment(mode: str) -> None:
+    libs = optional("torchrl.envs.libs.gym")
+    vector = gymnasium.make_vec("TagTrack/LeopardShark-v0", num_envs=3, particles=16, autoreset_mode=AutoresetMode[mode])
+    rollout = libs.GymWrapper(vector).rollout(4)
+    assert rollout["observation"].shape == (3, 4, 21)
+
+
+def test_minari_records_infos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    minari = optional("minari")
+    optional("jax")  # its collector's
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    env = gymnasium.make("tagtrack:TagTrack/LeopardShark-v0", particles=16, overrides={"episode_steps": STEPS})
+    collector = minari.DataCollector(env, record_infos=True)
+    for seed in range(2):
+        collector.reset(seed=seed)
+        for _ in range(STEPS):
+            *_, info = collector.step(collector.action_space.sample())
+    data = collector.create_dataset("tagtrack/test-v0", algorithm_name="random")
+    assert data[1].infos["localization_error"][-1] == info["localization_error"]
+    assert data[1].infos["true_fish_position"].shape == (STEPS + 1, 2)
 
 
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL is tested using version")

@@ -1,5 +1,8 @@
 """The vector environment against Gymnasium's own SyncVectorEnv of single environments, in all three autoreset modes."""
 
+import copy
+import pickle
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -105,7 +108,7 @@ def test_reward_of_a_team_is_the_mean_over_those_that_take_part() -> None:
     while not terminated.any():
         part = info["active"]  # before the step
         _, reward, terminated, _, info = env.step(np.zeros((WORLDS, 3, 2), np.float32))
-        terms = sum(term for name, term in info["reward_terms"].items() if not name.startswith("_"))
+        terms = sum(term for name, term in info.items() if name.startswith("reward_"))
         assert terms.shape == (WORLDS, 3) and (terms[~part] == 0.0).all()
         np.testing.assert_allclose(reward, [row[present].mean() for row, present in zip(terms, part, strict=True)])
         seen |= set(part.sum(axis=1).tolist())
@@ -193,3 +196,76 @@ def test_first_reset_must_be_of_all_worlds() -> None:
         make(AutoresetMode.DISABLED).reset(options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(gym.error.ResetNeeded, match="reset before step"):
         make().step(ACTIONS[0])
+
+
+def test_seeds_of_some_worlds_leave_the_others_to_go_on() -> None:
+    env, other = make(), make()
+    env.reset(seed=4)
+    expected = env.reset(seed=None)[0]  # the second episodes of seeds 4, 5 and 6
+    other.reset(seed=4)
+    mixed = other.reset(seed=[9, None, 4])[0]
+    np.testing.assert_array_equal(mixed[1], expected[1])
+    np.testing.assert_array_equal(mixed[[0, 2]], [make().reset(seed=9)[0][0], make().reset(seed=4)[0][0]])
+    np.testing.assert_array_equal(make().reset(seed=[9, None, 4])[0][2], mixed[2])  # None of a first reset is drawn
+
+
+def test_worlds_are_asked_by_name_as_gymnasiums_vectors_are() -> None:
+    pytest.importorskip("pygame")
+    env, reference = make(render_mode="rgb_array"), make_reference(AutoresetMode.NEXT_STEP, render_mode="rgb_array")
+    for name in ("observation_space", "action_space", "render_mode"):
+        assert env.get_attr(name) == env.call(name) == reference.call(name)
+    with pytest.raises(gym.error.ResetNeeded, match="reset before render"):
+        env.call("render")
+    env.reset(seed=0)
+    reference.reset(seed=0)
+    for actions in ACTIONS[: LIMIT + 3]:
+        env.step(actions)
+        reference.step(actions)
+    for drawn, expected in zip(env.call("render"), reference.call("render"), strict=True):
+        np.testing.assert_array_equal(drawn, expected)
+    with pytest.raises(AttributeError, match="not asked to step one by one"):
+        env.call("step", ACTIONS[0])
+    with pytest.raises(AttributeError, match="no attribute 'depth'"):
+        env.get_attr("depth")
+
+
+def test_vector_is_recorded_as_a_grid(tmp_path: Path) -> None:
+    pytest.importorskip("moviepy")
+    env = gym.make_vec("TagTrack/LeopardShark-v0", num_envs=4, particles=20, render_mode="rgb_array")
+    env = gym.wrappers.vector.RecordVideo(env, str(tmp_path), video_length=3, step_trigger=lambda step: step == 0)
+    env.reset(seed=0)
+    for _ in range(5):
+        env.step(env.action_space.sample())
+    env.close()
+    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+
+
+def test_more_pictures_than_anybody_looks_at_are_refused() -> None:
+    pytest.importorskip("pygame")
+    with pytest.raises(ValueError, match="pictures are of at most 64 worlds, got 65; make fewer to render"):
+        TagTrackVectorEnv(num_envs=65, particles=2, render_mode="rgb_array")
+    with pytest.raises(ValueError, match="render_mode must be None or 'rgb_array', got 'human'"):
+        make(render_mode="human")
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+def test_constructor_that_fails_has_nothing_to_close() -> None:
+    """Gymnasium before 1.2 closes a vector when it is collected, also one that was never made."""
+    for wrong in ({"render_mode": "ansi"}, {"particles": 0}):
+        env = TagTrackVectorEnv.__new__(TagTrackVectorEnv)
+        with pytest.raises(ValueError):
+            env.__init__(**wrong)  # type: ignore[misc]
+        env.close()
+
+
+@pytest.mark.parametrize("shared", [{"threads": 2}, {"render_mode": "rgb_array"}], ids=["threads", "pictures"])
+def test_copies_and_pickles_of_a_vector_go_on_alike(shared: dict[str, Any]) -> None:
+    pytest.importorskip("pygame")
+    env = make(**shared)
+    env.reset(seed=2)
+    env.step(ACTIONS[0])
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = env.step(ACTIONS[1])
+    for each in copies:
+        assert_same_step(each.step(ACTIONS[1]), expected)
+        each.close()

@@ -1,13 +1,19 @@
 """The Stable-Baselines3 environment: what it returns at an episode's end, staggered starts, and that SB3 learns in it."""
 
+import copy
+import pickle
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.wrappers import FlattenObservation
 from stable_baselines3 import PPO
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize, VecVideoRecorder
 
 from tagtrack.envs.parallel import TagTrackParallelEnv
 from tagtrack.envs.single import TagTrackEnv
@@ -215,8 +221,8 @@ def test_returned_arrays_are_never_written_over() -> None:
     copies = [array.copy() for array in kept]
     env.step(ACTIONS[0])
     env.reset()
-    for array, copy in zip(kept, copies, strict=True):
-        np.testing.assert_array_equal(array, copy)
+    for array, copied in zip(kept, copies, strict=True):
+        np.testing.assert_array_equal(array, copied)
 
 
 def test_seed_begins_its_first_episode_and_reset_goes_on() -> None:
@@ -245,8 +251,84 @@ def test_worlds_share_attributes_and_cannot_be_changed_one_by_one() -> None:
     assert env.env_is_wrapped(Monitor) == [True] * 4 and not any(env.env_is_wrapped(VecNormalize))
     with pytest.raises(NotImplementedError, match="'spec'"):
         env.set_attr("spec", None)
-    with pytest.raises(NotImplementedError, match="'render'"):
-        env.env_method("render")
+    assert env.env_method("render") == [None] * 4
+    assert env.env_method("has_wrapper_attr", "action_masks", indices=[1, 3]) == [False, False]
+    with pytest.raises(AttributeError, match="not asked to reset one by one"):
+        env.env_method("reset", indices=0)
+
+
+def test_step_before_reset_is_refused_and_lists_are_taken() -> None:
+    env, other = make(), make()
+    with pytest.raises(ResetNeeded, match="reset before step"):
+        env.step(ACTIONS[0])
+    env.reset()
+    other.reset()
+    np.testing.assert_array_equal(env.step(ACTIONS[0].tolist())[0], other.step(list(ACTIONS[0]))[0])
+    with pytest.raises(ValueError, match="actions must have shape"):
+        env.step(ACTIONS[0][:2].tolist())
+
+
+def test_monitor_of_the_batch_writes_what_the_last_step_told(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="already wrapped"):
+        env = VecMonitor(make(), str(tmp_path / "log"), info_keywords=("range", "localization_error"))
+    single = Monitor(TagTrackEnv(**SMALL), info_keywords=("range",))
+    env.reset()
+    single.reset(seed=5)
+    for actions in ACTIONS[:LIMIT]:
+        infos, info = env.step(actions)[3], single.step(actions[0])[4]
+    assert infos[0]["episode"]["range"] == info["episode"]["range"]
+    env.close()
+    assert "r,l,t,range,localization_error" in (tmp_path / "log.monitor.csv").read_text()
+
+
+def test_make_vec_env_makes_a_batch() -> None:
+    options = {**SMALL, "max_episode_steps": 4}
+    env = make_vec_env("TagTrack/LeopardShark-v0", n_envs=3, seed=5, vec_env_cls=TagTrackVecEnv, env_kwargs=options)
+    assert isinstance(env, TagTrackVecEnv) and env.num_envs == 3 and env.episode_limit == 4
+    np.testing.assert_array_equal(env.reset(), make(3).reset())
+    fleet = make_vec_env(TagTrackEnv, n_envs=2, vec_env_cls=TagTrackVecEnv, env_kwargs={"vehicles": 3, "particles": 10})
+    assert fleet.num_envs == 6  # a row is a vehicle
+
+
+def test_batch_takes_no_environments_that_do_more_than_it_does(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="FlattenObservation wraps single environments; wrap the batch"):
+        make_vec_env(TagTrackEnv, vec_env_cls=TagTrackVecEnv, wrapper_class=FlattenObservation)
+    with pytest.raises(ValueError, match="use VecMonitor"):
+        make_vec_env(TagTrackEnv, vec_env_cls=TagTrackVecEnv, monitor_dir=str(tmp_path))
+    with pytest.raises(ValueError, match="a batch is made of TagTrack's environments, got .*CartPole"):
+        make_vec_env("CartPole-v1", vec_env_cls=TagTrackVecEnv)
+    with pytest.raises(ValueError, match="env_id must be an id, a Task, or functions"):
+        TagTrackVecEnv([])
+
+
+def test_pictures_are_laid_out_and_recorded(tmp_path: Path) -> None:
+    pytest.importorskip("pygame")
+    env = make(num_envs=2, render_mode="rgb_array")
+    with pytest.raises(ResetNeeded, match="reset before render"):
+        env.get_images()
+    env.reset()
+    one = env.env_method("render", indices=1)[0]
+    assert env.render().shape[0] >= one.shape[0] and len(env.get_images()) == 2
+    pytest.importorskip("moviepy")
+    recorder = VecVideoRecorder(env, str(tmp_path), record_video_trigger=lambda step: step == 0, video_length=3)
+    recorder.reset()
+    for actions in ACTIONS[:5]:
+        recorder.step(actions[:2])
+    recorder.close()
+    assert [file.suffix for file in tmp_path.iterdir()] == [".mp4"]
+
+
+@pytest.mark.parametrize("shared", [{"threads": 2}, {"render_mode": "rgb_array"}], ids=["threads", "pictures"])
+def test_copies_of_a_batch_go_on_alike(shared: dict[str, Any]) -> None:
+    pytest.importorskip("pygame")
+    env = make(**shared)
+    env.reset()
+    twins = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = env.step(ACTIONS[0])
+    for twin in twins:
+        for mine, other in zip(twin.step(ACTIONS[0])[:3], expected[:3], strict=True):
+            np.testing.assert_array_equal(mine, other)
+        twin.close()
 
 
 def test_wrappers_of_stable_baselines_take_it() -> None:

@@ -1,0 +1,104 @@
+"""One process compiles, the others wait and load what it has written: a lock beside the compiled code.
+
+Twenty workers that start in a new place would otherwise each compile the same kernels, and share the cores meanwhile.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any
+
+from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.registry import cpu_target
+
+fcntl: Any = None if sys.platform == "win32" else import_module("fcntl")  # without it each compiles for itself
+
+LOCK = "tagtrack-compiling.lock"
+
+
+class _Turn:
+    """This process's turn in one folder. It is entered under numba's own lock, so that one thread at a time asks."""
+
+    said = False
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._file: IO[bytes] | None = None
+
+    @contextmanager
+    def take(self, folder: str) -> Iterator[None]:
+        """Wait until nobody else compiles in the folder; kernels that are compiled for others belong to the same turn."""
+        with global_compiler_lock:
+            if self._depth == 0:
+                self._file = _lock(Path(folder) / LOCK)
+            self._depth += 1
+            try:
+                yield
+            finally:
+                self._depth -= 1
+                if self._depth == 0 and self._file is not None:
+                    self._file.close()  # unlocks, too
+                    self._file = None
+
+
+TURN = _Turn()
+
+
+def _lock(path: Path) -> IO[bytes] | None:
+    """The file, locked by this process; None where files cannot be locked."""
+    if fcntl is None:
+        return None
+    try:
+        file = path.open("ab")
+    except OSError:  # it is for the time saved alone
+        return None
+    try:
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return file
+    except OSError:
+        pass
+    if not _Turn.said:
+        _Turn.said = True
+        print("TagTrack waits for another process that compiles its simulation ...", file=sys.stderr, flush=True)
+    try:
+        fcntl.lockf(file, fcntl.LOCK_EX)
+    except OSError:  # a file system without locks
+        file.close()
+        return None
+    return file
+
+
+def is_cached(cache: Any, signature: Any, context: Any) -> bool:
+    """Whether a kernel's cache on disk (numba's ``Cache``) has code for a signature; it is not loaded for that."""
+    context.refresh()
+    return cache._index_key(signature, context.codegen()) in cache._cache_file._load_index()
+
+
+def compile_in_turn(kernel: Any) -> None:
+    """Let a kernel (numba's dispatcher) wait for its turn before it compiles what is not on disk yet."""
+    compile_now: Callable[[Any], Any] = kernel.compile
+
+    def compile(signature: Any) -> Any:
+        cache = kernel._cache
+        if not hasattr(cache, "_cache_file") or is_cached(cache, signature, kernel.targetctx):
+            return compile_now(signature)
+        with TURN.take(cache.cache_path):
+            return compile_now(signature)  # which looks at the disk once more
+
+    kernel.compile = compile
+
+
+@contextmanager
+def turn_of_callback(function: Callable[..., Any], signature: Any) -> Iterator[None]:
+    """The same for a function that is compiled by ``numba.cfunc``. Raises RuntimeError where its code cannot be cached."""
+    cache = FunctionCache(function)
+    if is_cached(cache, signature, cpu_target.target_context):
+        yield
+        return
+    with TURN.take(cache.cache_path):
+        yield

@@ -1,0 +1,85 @@
+"""Other people's libraries: the scripts of examples/interop stay short and run where their library is installed."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+FOLDER = REPOSITORY / "examples" / "interop"
+
+
+def load_matrix() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("interop_matrix", FOLDER / "matrix.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["interop_matrix"] = module  # dataclasses look there
+    spec.loader.exec_module(module)
+    return module
+
+
+matrix = load_matrix()
+SCRIPTS = [library.script for library in matrix.LIBRARIES.values()]
+
+
+def test_every_script_is_in_the_matrix() -> None:
+    assert sorted(SCRIPTS) == sorted(path.stem for path in FOLDER.glob("*.py") if path.stem not in ("matrix", "measure"))
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_script_names_tagtrack_in_two_lines_at_most(script: str) -> None:
+    assert 1 <= len(matrix.own_lines(script)) <= matrix.MOST_LINES
+
+
+def imports(script: str) -> set[str]:
+    found = re.findall(r"^(?:import|from) (\w+)", (FOLDER / f"{script}.py").read_text(encoding="utf-8"), re.MULTILINE)
+    return set(found) - set(sys.stdlib_module_names)
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_script_runs_where_its_library_is_installed(script: str) -> None:
+    missing = [name for name in sorted(imports(script)) if importlib.util.find_spec(name) is None]
+    if missing:
+        pytest.skip(f"{missing[0]} is not installed; it is no dependency")
+    done = subprocess.run(
+        [sys.executable, FOLDER / "measure.py", FOLDER / f"{script}.py"], capture_output=True, text=True, timeout=600
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = json.loads(re.findall(r'^\{"steps": .*\}$', done.stdout, re.MULTILINE)[-1])
+    assert told["steps"] > 100 and told["seconds"] > 0
+
+
+def test_page_says_by_name_what_does_not_run() -> None:
+    rows = {
+        "sb3": {"state": "runs", "version": "2.9.2", "rate": 12345.6},
+        "rllib": {"state": "does not install here: ERROR: no ray"},
+    }
+    page = matrix.write_page(rows)
+    assert "| Stable-Baselines3 | 2.9.2 | [sb3.py](../examples/interop/sb3.py) | runs | 12,346 |" in page
+    assert "| RLlib |  | [rllib_ppo.py](../examples/interop/rllib_ppo.py) | does not install here: ERROR: no ray |  |" in page
+    assert page.count("not run yet") == len(matrix.LIBRARIES) - 2 and "<" not in page.replace("<br>", "")
+
+
+def test_error_of_an_installation_is_told_in_its_own_line() -> None:
+    done = subprocess.CompletedProcess([], 1, "", "WARNING: x\nERROR: no version of ray\n\nhint: see the page\n")
+    assert matrix.last_words(done) == "ERROR: no version of ray"
+    assert matrix.last_words(subprocess.CompletedProcess([], 1, "", "")) == "it ended without a word"
+
+
+def test_ranges_for_consumers_are_those_of_the_package() -> None:
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = (REPOSITORY / "constraints-consumers.txt").read_text(encoding="utf-8").splitlines()
+    ranges = {line for line in lines if line and not line.startswith("#")}
+    assert ranges == {each for each in project["dependencies"] if ">" in each}
