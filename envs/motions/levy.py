@@ -10,7 +10,7 @@ import numpy as np
 from tagtrack.envs.kernels.calling import Native, native
 from tagtrack.envs.kernels.motion_loops import choose_levy, scatter_velocities
 from tagtrack.envs.motions.motion import CHOOSE, START, Motion
-from tagtrack.envs.validation import FASTEST, require, settle_numbers
+from tagtrack.envs.validation import require, settle_numbers
 
 f32 = np.float32
 
@@ -37,6 +37,6 @@ class LevyFlight(Motion):
     choose: ClassVar[Native] = choose
 
     def __post_init__(self) -> None:
-        settle_numbers(self, max_speed=FASTEST)
+        settle_numbers(self)  # any speed: Alg. 4 cuts no step
         for name in ("gamma", "max_speed"):
             require(getattr(self, name) > 0, self, name, "positive")
