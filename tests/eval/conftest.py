@@ -1,4 +1,4 @@
-"""Short tasks for the commands and roll-outs, a saved policy that fits them, and `python -m eval` within this process."""
+"""Short tasks for the commands and roll-outs, a saved policy that fits them, and `tagtrack eval` within this process."""
 
 from __future__ import annotations
 

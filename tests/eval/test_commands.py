@@ -1,4 +1,4 @@
-"""`python -m eval` as a user types it: files written, their layout, and what the commands promise of each other."""
+"""`tagtrack eval` as a user types it: files written, their layout, and what the commands promise of each other."""
 
 import json
 import subprocess
