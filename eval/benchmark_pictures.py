@@ -32,7 +32,10 @@ def draw_errors(comparison: Comparison) -> Figure:
 
 
 def draw_learning(comparison: Comparison, specs: Mapping[str, str | dict[str, str]]) -> Figure | None:
-    """The learning curves of trainings of several runs, whose folders tell them alike, beside the first policy's error; None where there are none."""
+    """The learning curves of trainings of several runs, whose folders tell them alike; None where there are none.
+
+    A line stands at the mean error of the first policy, which learns nothing.
+    """
     curves = {}
     for name in comparison.runs:
         group = specs[name]

@@ -15,6 +15,8 @@ from tagtrack.eval.whole_number import NUMBERS
 # Command -> where its options stand, and what it does. Only the one that is named is imported: the others' numba can wait.
 COMMANDS = {
     "benchmark": ("tagtrack.eval.benchmark:Benchmark", "policies on the same fish: table, JSON, pictures, report.html"),
+    "video": ("tagtrack.eval.video:Video", "one episode of some policies as an animated GIF"),
+    "watch": ("tagtrack.eval.video:Watch", "a policy in a window, while it runs"),
     "aggregate": ("tagtrack.eval.aggregate:Aggregate", "one ratio over several tasks, from benchmarks"),
     "tune": ("tagtrack.eval.tune:Tune", "the number of a baseline that tracks best"),
     "tradeoff": ("tagtrack.eval.tradeoff:Tradeoff", "knowing where the fish is against keeping away from it"),

@@ -167,7 +167,7 @@ def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], level
 
     Args:
         curves: by run, (steps (S,), error (S,) [m]), or errors (R, S) of R runs; NaN leaves a gap.
-        levels: by heuristic, its error on the same episodes [m], drawn as a dashed line.
+        levels: by heuristic, its mean error [m], drawn as a dashed line.
     """
     from matplotlib.ticker import EngFormatter
 

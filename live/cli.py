@@ -151,7 +151,7 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.set_defaults(module="simulate")
     _add_scenario(parser)
     parser.add_argument("--headings", choices=("nautical", "mathematical"), default="nautical", help="of json (nautical)")
-    parser.add_argument("--port", metavar="P", type=whole_number, default=54000, help="of the receiver; the vehicle's is the next (54000)")
+    parser.add_argument("--port", metavar="P", type=int, default=54000, help="of the receiver; the vehicle's is the next (54000)")
     parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="of time; 0: each step waits for an order (1)")
     parser.add_argument("--steps", metavar="N", type=whole_number, help="(the environment's own)")
     parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="for the other end [s] (60)")
@@ -170,7 +170,7 @@ def _add_rehearse(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.add_argument("--particles", metavar="N", type=whole_number, help="of each belief (the environment's own)")
     parser.add_argument("--episodes", metavar="N", type=whole_number, default=10, help="(10)")
     parser.add_argument("--speed", metavar="X", type=float, default=0.0, help="of time; 0: lockstep (0)")
-    parser.add_argument("--port", metavar="P", type=whole_number, default=55000, help="the first of those that are used (55000)")
+    parser.add_argument("--port", metavar="P", type=int, default=55000, help="the first of those that are used (55000)")
 
 
 def _add_scenario(parser: argparse.ArgumentParser) -> None:
