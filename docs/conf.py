@@ -5,8 +5,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import tagtrack  # noqa: E402
 from pages import markdown_of_docstring, write_pages  # noqa: E402
+
+import tagtrack  # noqa: E402
 
 project, author, release = "TagTrack", "TagTrack contributors", tagtrack.__version__
 copyright = author

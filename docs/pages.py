@@ -52,7 +52,8 @@ def _film(env_id: str) -> str:
     if not (Path(__file__).parent / "films" / f"{name}.gif").is_file():
         return ""
     alt = f"Moving picture of one episode of {name}: {heuristic} on the left, the learned policy on the right"
-    caption = f"Episode 0: the best heuristic (`{heuristic}`) and the learned policy on the same fish. Yellow vehicle, red fish, blue belief."
+    caption = f"Episode 0: the best heuristic (`{heuristic}`) and the learned policy on the same fish."
+    caption += " Yellow is the vehicle, red the fish, blue the belief."
     return f"![{alt}](../films/{name}.gif)\n\n{caption}"
 
 
@@ -116,8 +117,9 @@ def leaderboard(document: dict[str, Any]) -> str:
     """The table of ``tagtrack eval suite``, best first."""
     tasks = document["tasks"]
     policies = sorted(document["policies"].items(), key=lambda item: -(item[1]["score"]["value"] or float("-inf")))
-    header = ["policy", "score", *(task["name"] for task in tasks)]
-    rows = [[name, _cell(found["score"]), *(_cell(found["tasks"].get(task["name"])) for task in tasks)] for name, found in policies]
+    names = [task["name"] for task in tasks]
+    header = ["policy", "score", *names]
+    rows = [[policy, _cell(found["score"]), *(_cell(found["tasks"].get(name)) for name in names)] for policy, found in policies]
     lines = ["| " + " | ".join(row) + " |" for row in (header, [":--", *["--:"] * (len(header) - 1)], *rows)]
     return "\n".join(lines) + f"\n\n{document['note']}\n\n`{document['command']}`\n"
 

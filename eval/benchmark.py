@@ -14,7 +14,7 @@ import tyro
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.whole_number import WholeNumber
 
-OWN_FILES = ("benchmark.json", "config.json", "table.md", "errors.png", "learning_curves.png", "track_*.png")
+OWN_FILES = ("benchmark.json", "config.json", "table.md", "errors.png", "learning_curves.png", "track_*.png", "report.html")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +40,8 @@ class Benchmark:
     """First step of each episode that counts: 100 leaves out how the fish was found."""
     metrics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="MODULE:FUNCTION ...", help_behavior_hint="(none)")] = ()
     """Figures of your own: functions of an EpisodeRecord (errors, ranges, each (E, K) [m]) that give a number for each of E."""
+    film: bool = True
+    """A moving picture of the median episode in report.html: the first policy and the best other one (needs pygame-ce)."""
     record: WholeNumber = 0
     """Episodes of each policy, the first ones, that are also written as logs of missions, for `tagtrack live replay`."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None

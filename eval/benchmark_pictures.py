@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,15 +12,23 @@ import numpy as np
 
 from tagtrack.eval.comparison import Comparison, typical_episodes
 from tagtrack.eval.contestants import each_run
+from tagtrack.eval.html_report import Illustration
 from tagtrack.eval.metrics import error_quantiles
 from tagtrack.eval.plots import SHARES, EpisodePaths, plot_errors, plot_learning_curve, plot_track, save_figure
-from tagtrack.eval.rollout import Contestant, SeedBlock, block_seed, trace
+from tagtrack.eval.rollout import Contestant, Localizer, SeedBlock, block_seed, trace
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESAMPLES_OF_BANDS = 200
+FRAMES, FRAME_SIDE = 30, 260  # of the report's film
+SHOWN = {  # file -> title and words in the report
+    "errors.png": ("Profile of errors", "For each policy the share of all steps whose localization error is below a value."),
+    "learning_curves.png": ("Learning", "Validation error while learning, a band for other runs, a line for the first policy."),
+    "track_median.png": ("The median episode", "Paths of fish, vehicle and estimate under each policy in the median episode."),
+    "track_hard.png": ("A hard episode", "The same in an episode that is harder than 95 of 100."),
+}
 
 
 def draw_errors(comparison: Comparison) -> Figure:
@@ -68,3 +77,42 @@ def draw_tracks(folder: Path, comparison: Comparison, makers: Mapping[str, Conte
             tracks[policy] = EpisodePaths(fish=traced.fish[0], vehicle=traced.vehicle[0], belief=traced.estimate[0])
         title = f"{comparison.env}, {name} episode (seed {comparison.seed + episode})"
         save_figure(folder / f"track_{name}.png", plot_track(tracks, title=title))
+
+
+def film_of(comparison: Comparison, makers: Mapping[str, Contestant | dict[str, Contestant]]) -> Illustration | None:
+    """The median episode under the first policy and the best other one, moving; None without pygame-ce or a vehicle to see."""
+    one_of_each = zip(makers, each_run(makers, all_runs=False).values(), strict=True)
+    steering = {name: maker for name, maker in one_of_each if not isinstance(maker, Localizer)}
+    if not steering:
+        return None
+    first, *others = steering
+    chosen = [first, *sorted(others, key=lambda name: comparison.records[name].error.mean())[:1]]
+    seed = comparison.seed + typical_episodes(comparison)["median"]
+    try:
+        from tagtrack.eval.film import film, save_film
+
+        frames = film(
+            comparison.task,
+            {name: steering[name] for name in chosen},
+            seed=block_seed(SeedBlock.BENCHMARK, seed),
+            frames=FRAMES,
+            side=FRAME_SIDE,
+        )
+    except ImportError:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.gif"
+        save_film(path, frames)
+        data = path.read_bytes()
+    words = f"One episode, seed {seed}, of {' and '.join(chosen)}: yellow is the vehicle, red the fish, blue the belief."
+    return Illustration(title="An episode", data=data, kind="gif", words=words)
+
+
+def illustrations(folder: Path, film: Illustration | None) -> list[Illustration]:
+    """What a report shows of a benchmark's folder, in order."""
+    found = [
+        Illustration(title=title, data=(folder / name).read_bytes(), kind="png", words=words)
+        for name, (title, words) in SHOWN.items()
+        if (folder / name).is_file()
+    ]
+    return [*found[:1], *([film] if film else []), *found[1:]]

@@ -11,13 +11,15 @@ from tagtrack.envs.model import import_object
 from tagtrack.envs.task import Task
 from tagtrack.eval.benchmark import OWN_FILES, Benchmark
 from tagtrack.eval.benchmark_logs import Makers, require_logs, write_logs
-from tagtrack.eval.benchmark_pictures import draw_errors, draw_learning, draw_tracks
+from tagtrack.eval.benchmark_pictures import draw_errors, draw_learning, draw_tracks, film_of, illustrations
+from tagtrack.eval.command_line import command_line
 from tagtrack.eval.comparison import Comparison, compare
 from tagtrack.eval.contestants import each_run, make_groups, name_groups
+from tagtrack.eval.html_report import html_report
 from tagtrack.eval.metrics import Metric
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import console_table, write_benchmark, write_json
+from tagtrack.eval.report import console_table, write_benchmark, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.versions import collect_versions
@@ -77,10 +79,16 @@ def write_results(
         "from_step": asked.from_step,
         "metrics": asked.metrics,
     }
+    film = film_of(comparison, makers) if asked.film else None  # before anything is written: Ctrl-C leaves no half
+    document = comparison.document(collect_versions())
     with replace_results(out, OWN_FILES) as folder:
-        write_benchmark(folder, comparison.document(collect_versions()))
+        write_benchmark(folder, document)
         write_json(folder / "config.json", settings)
         save_figure(folder / "errors.png", draw_errors(comparison))
         if learning := draw_learning(comparison, specs):
             save_figure(folder / "learning_curves.png", learning)
         draw_tracks(folder, comparison, makers)
+        command = command_line("benchmark", asked)
+        pictures = illustrations(folder, film)
+        page = html_report(document, comparison, settings=settings, command=command, pictures=pictures)
+        write_text(folder / "report.html", page)

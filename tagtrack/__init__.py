@@ -28,7 +28,7 @@ if not _asks_for_help_alone():
         if error.name != "gymnasium":
             raise
     try:
-        import pettingzoo
+        import pettingzoo  # type: ignore[no-redef]
     except ModuleNotFoundError as error:
         if error.name != "pettingzoo":
             raise

@@ -43,4 +43,4 @@ def _graft(groups: Any, name: str, text: str, parser: argparse.ArgumentParser) -
 def _options_of(command: Any) -> argparse.ArgumentParser:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # tyro will offer completion of its own, of one command
-        return tyro.extras.get_parser(command, config=TYRO)
+        return tyro.extras.get_parser(command, config=TYRO)  # type: ignore[return-value]  # its copy of argparse

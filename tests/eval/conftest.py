@@ -21,6 +21,12 @@ LONGITUDE, LATITUDE = -80.9, 25.1  # of the origin of places in metres
 SHORT = ("--set", f"episode_steps={STEPS}", "--particles", str(PARTICLES), "--episodes", "6")
 
 
+@pytest.fixture(autouse=True)
+def short_films(monkeypatch) -> None:
+    """Reports with films of two pictures: painting takes longer than the episodes of these tests."""
+    monkeypatch.setattr("tagtrack.eval.benchmark_pictures.FRAMES", 2)
+
+
 @pytest.fixture
 def task() -> Task:
     return build_task("LeopardShark-v0", particles=PARTICLES, overrides={"episode_steps": STEPS})
