@@ -13,6 +13,7 @@ import tagtrack
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import build_task
+from tagtrack.eval.report import signed_cell
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.policies.box import boxed_policy
 
@@ -116,20 +117,17 @@ def markdown_of_docstring(app: Any, what: str, name: str, obj: Any, options: Any
 def leaderboard(document: dict[str, Any]) -> str:
     """The table of ``tagtrack eval suite``, best first."""
     tasks = document["tasks"]
-    policies = sorted(document["policies"].items(), key=lambda item: -(item[1]["score"]["value"] or float("-inf")))
+    policies = sorted(document["policies"].items(), key=lambda item: -item[1]["score"]["value"])
     names = [task["name"] for task in tasks]
     header = ["policy", "score", *names]
     rows = [[policy, _cell(found["score"]), *(_cell(found["tasks"].get(name)) for name in names)] for policy, found in policies]
     lines = ["| " + " | ".join(row) + " |" for row in (header, [":--", *["--:"] * (len(header) - 1)], *rows)]
-    return "\n".join(lines) + f"\n\n{document['note']}\n\n`{document['command']}`\n"
+    seen = f"{document['episodes']} episodes of each task, seed {document['seed']}."
+    return "\n".join(lines) + f"\n\n{seen} {document['note']}\n\n`{document['command']}`\n"
 
 
-def _cell(figure: dict[str, float | None] | None) -> str:
-    if figure is None or figure["value"] is None:
-        return "-"
-    if figure["low"] is None:
-        return f"{figure['value']:.2f}"
-    return f"{figure['value']:.2f} [{figure['low']:.2f}, {figure['high']:.2f}]"
+def _cell(figure: dict[str, float] | None) -> str:
+    return "-" if figure is None else signed_cell(figure)
 
 
 def _write(path: Path, text: str) -> None:

@@ -17,6 +17,7 @@ COMMANDS = {
     "benchmark": ("tagtrack.eval.benchmark:Benchmark", "policies on the same fish: table, JSON, pictures, report.html"),
     "video": ("tagtrack.eval.video:Video", "one episode of some policies as an animated GIF"),
     "watch": ("tagtrack.eval.video:Watch", "a policy in a window, while it runs"),
+    "suite": ("tagtrack.eval.suite:Suite", "every environment by one protocol, and one score"),
     "aggregate": ("tagtrack.eval.aggregate:Aggregate", "one ratio over several tasks, from benchmarks"),
     "tune": ("tagtrack.eval.tune:Tune", "the number of a baseline that tracks best"),
     "tradeoff": ("tagtrack.eval.tradeoff:Tradeoff", "knowing where the fish is against keeping away from it"),

@@ -262,6 +262,12 @@ def value_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
     return "-" if value is None else _number(value * scale)
 
 
+def signed_cell(figure: Mapping[str, float]) -> str:
+    """A score, which may be negative, with two digits and its interval, if it has one."""
+    value = f"{figure['value']:.2f}"
+    return value if figure["low"] == figure["high"] else f"{value} [{figure['low']:.2f}, {figure['high']:.2f}]"
+
+
 def interval_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
     """A figure as a cell of a table, "5.62 [5.41, 5.83]"."""
     low, high = figure["low"], figure["high"]
