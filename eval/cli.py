@@ -10,6 +10,7 @@ from typing import Any
 
 import tyro
 
+from tagtrack.command import listing
 from tagtrack.eval.whole_number import NUMBERS
 
 # Command -> where its options stand, and what it does. Only the one that is named is imported: the others' numba can wait.
@@ -30,13 +31,6 @@ COMMANDS = {
     "array": ("tagtrack.eval.field.array.command:Array", "moored receivers: clocks, places, positions, tracks"),
     "minari": ("tagtrack.eval.minari_sets:Minari", "data sets for offline learning"),
 }
-HELP = f"""usage: tagtrack eval COMMAND ...
-
-Compare policies on the same fish, and what belongs to it.
-
-{chr(10).join(f"  {name:<12}{text}" for name, (_, text) in COMMANDS.items())}
-
-tagtrack eval COMMAND --help says more."""
 TYRO = (tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff)
 
 
@@ -44,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line; returns its exit status: 0, 2 for a mistake in the input, 130 after Ctrl-C."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] in ("-h", "--help"):
-        print(HELP)
+        print(help_text())
         return 0 if given else 2
     try:
         parse(given).run()
@@ -57,6 +51,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {_one_line(error)}", file=sys.stderr)
         return 2
     return 0
+
+
+def help_text() -> str:
+    """What `tagtrack eval --help` shows."""
+    commands = listing({name: text for name, (_, text) in COMMANDS.items()})
+    return (
+        f"usage: tagtrack eval COMMAND ...\n\nCompare policies on the same fish, and what belongs to it.\n\n{commands}\n\n"
+        "tagtrack eval COMMAND --help says more."
+    )
 
 
 def parse(arguments: Sequence[str]) -> Any:

@@ -10,6 +10,7 @@ import os
 import shlex
 import shutil
 import sys
+import textwrap
 from pathlib import Path
 
 COMMANDS = {
@@ -19,25 +20,34 @@ COMMANDS = {
 }
 COMPLETION = "completion"
 SHELLS = ("bash", "zsh", "tcsh")
-HELP = f"""usage: tagtrack COMMAND ...
-
-{chr(10).join(f"  {name:<12}{text}" for name, text in COMMANDS.items())}
-  {COMPLETION:<12}print what makes a shell complete these commands: {", ".join(SHELLS)}
-  --version   print the version
-
-tagtrack COMMAND --help says more.
-
-examples
+EXAMPLES = """examples
   tagtrack train --env LeopardShark-v0 --steps 1e5
   tagtrack eval benchmark --policies three_step learned
   source <(tagtrack completion bash)"""
+
+
+def help_text() -> str:
+    """What `tagtrack --help` shows."""
+    shells = f"print what makes a shell complete these commands: {', '.join(SHELLS)}"
+    more = {COMPLETION: shells, "--version": "print the version"}
+    return f"usage: tagtrack COMMAND ...\n\n{listing(COMMANDS | more)}\n\ntagtrack COMMAND --help says more.\n\n{EXAMPLES}"
+
+
+def listing(entries: dict[str, str]) -> str:
+    """Names and what they are, a line or more for each, no wider than the terminal."""
+    width = max(shutil.get_terminal_size().columns, 30)
+    column = 4 + max(map(len, entries))
+    lines = []
+    for name, text in entries.items():
+        lines.append(textwrap.fill(text, width, initial_indent=f"  {name:<{column - 2}}", subsequent_indent=" " * column))
+    return "\n".join(lines)
 
 
 def main() -> int:
     """Run the command that is named first."""
     given = sys.argv[1:]
     if not given or given[0] in ("-h", "--help"):
-        print(HELP)
+        print(help_text())
         return 0 if given else 2
     if given[0] == "--version":
         import tagtrack

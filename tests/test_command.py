@@ -88,3 +88,13 @@ def test_shells_complete_commands_and_options(monkeypatch, capsys, shell: str) -
     script = capsys.readouterr().out
     for word in ("benchmark", "policies", "hyper", "rehearse"):
         assert word in script
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80])
+def test_lists_of_commands_fit_the_terminal(monkeypatch, capsys, columns: int) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    for words in (["--help"], ["eval", "--help"]):
+        monkeypatch.setattr(sys, "argv", ["tagtrack", *words])
+        assert main() == 0
+        lines = capsys.readouterr().out.partition("\nexamples")[0].splitlines()
+        assert max(len(line) for line in lines if line.startswith("  ")) <= columns
