@@ -19,10 +19,11 @@ from tagtrack.policies.box import boxed_policy
 
 ARGS = re.compile(r"^Args:\n((?:    .*\n?)+)", re.MULTILINE)
 FLEETS = "fleets-of-vehicles"
+FIRST, LAST = ("commands", "api"), ("design", "contributing", "changelog")
 
 
 def write_pages(docs: Path) -> None:
-    """``environments/NAME.md`` for each id and one for fleets, and ``leaderboard_table.md``."""
+    """``environments/NAME.md`` for each id and one for fleets, and what other pages include."""
     folder = docs / "environments"
     folder.mkdir(exist_ok=True)
     for env_id, entry_point in tagtrack._TASKS.items():
@@ -32,6 +33,14 @@ def write_pages(docs: Path) -> None:
     _write(folder / f"{FLEETS}.md", f"# Fleets in PettingZoo\n\n{ids}\n\n{fleets}")
     board = docs / "leaderboard.json"
     _write(folder / "leaderboard_table.txt", leaderboard(json.loads(board.read_text())) if board.is_file() else "")
+    _write(folder / "reference.txt", reference(docs))
+
+
+def reference(docs: Path) -> str:
+    """The last list of the index: the usual pages, and between them whatever else lies in docs/ and is in no list."""
+    listed = {*(docs / "index.md").read_text(encoding="utf-8").split(), *FIRST, *LAST, "index"}
+    others = sorted(path.stem for path in docs.glob("*.md") if path.stem not in listed)
+    return "\n".join(["```{toctree}", ":caption: Reference", ":maxdepth: 1", "", *FIRST, *others, *LAST, "```", ""])
 
 
 def page_name(env_id: str) -> str:
