@@ -10,7 +10,7 @@ from typing import Any
 
 import tyro
 
-from tagtrack.command import listing
+from tagtrack.command import listing, tagtrack_here
 from tagtrack.eval.whole_number import NUMBERS
 
 # Command -> where its options stand, and what it does. Only the one that is named is imported: the others' numba can wait.
@@ -70,7 +70,7 @@ def parse(arguments: Sequence[str]) -> Any:
         guess = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(COMMANDS)}"
         raise ValueError(f"unknown command {name!r}{guess}")
     with NUMBERS:
-        return tyro.cli(find_command(name), args=rest, prog=f"tagtrack eval {name}", config=TYRO)
+        return tyro.cli(find_command(name), args=rest, prog=f"{tagtrack_here()} eval {name}", config=TYRO)
 
 
 def find_command(name: str) -> Any:

@@ -7,6 +7,8 @@ import importlib
 import sys
 from collections.abc import Sequence
 
+from tagtrack.command import tagtrack_here
+
 DESCRIPTION = "The filter and a policy on real missions: a log once more, a vehicle at sea, or one that is simulated."
 
 
@@ -38,7 +40,7 @@ def whole_number(text: str) -> int:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="tagtrack live", description=DESCRIPTION, allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog=f"{tagtrack_here()} live", description=DESCRIPTION, allow_abbrev=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_replay(commands)
     _add_steer(commands)

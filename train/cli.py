@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from tagtrack.command import tagtrack_here
 from tagtrack.train.config import TrainConfig, changed_fields, flatten, from_json, merge_texts
 
 if TYPE_CHECKING:
@@ -35,12 +36,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def parse(arguments: list[str]) -> TrainConfig:
     """The command line over the defaults, or over the file that --config names."""
-    config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog="tagtrack train")
+    config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog=f"{tagtrack_here()} train")
     if config.config is None or config.resume is not None:
         return config
     file = from_json(config.config)
     default = dataclasses.replace(file, config=config.config, out=None, resume=None, set=(), hyper=())
-    config = tyro.cli(TrainConfig, args=arguments, default=default, prog="tagtrack train")
+    config = tyro.cli(TrainConfig, args=arguments, default=default, prog=f"{tagtrack_here()} train")
     return dataclasses.replace(config, set=merge_texts(file.set, config.set), hyper=merge_texts(file.hyper, config.hyper))
 
 
