@@ -9,12 +9,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from films import panels
+
 import tagtrack
 from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.envs.task import build_task
 from tagtrack.eval.report import signed_cell
 from tagtrack.eval.rivals import rivals_of
+from tagtrack.eval.suite_run import best_first
 from tagtrack.policies.box import boxed_policy
 
 ARGS = re.compile(r"^Args:\n((?:    .*\n?)+)", re.MULTILINE)
@@ -58,11 +61,11 @@ def environment_page(env_id: str, entry_point: str) -> str:
 
 
 def _film(env_id: str) -> str:
-    name, heuristic = page_name(env_id), rivals_of(build_task(env_id))[-1]
+    name, (left, right) = page_name(env_id), panels(env_id)
     if not (Path(__file__).parent / "films" / f"{name}.gif").is_file():
         return ""
-    alt = f"Moving picture of one episode of {name}: {heuristic} on the left, the learned policy on the right"
-    caption = f"Episode 0: the best heuristic (`{heuristic}`) and the learned policy on the same fish."
+    alt = f"Moving picture of one episode of {name}: {left} on the left, {right} on the right"
+    caption = f"Episode 0: `{left}` and `{right}` on the same fish."
     caption += " Yellow is the vehicle, red the fish, blue the belief."
     return f"![{alt}](../films/{name}.gif)\n\n{caption}"
 
@@ -126,10 +129,12 @@ def markdown_of_docstring(app: Any, what: str, name: str, obj: Any, options: Any
 def leaderboard(document: dict[str, Any]) -> str:
     """The table of ``tagtrack eval suite``, best first."""
     tasks = document["tasks"]
-    policies = sorted(document["policies"].items(), key=lambda item: -item[1]["score"]["value"])
     names = [task["name"] for task in tasks]
     header = ["policy", "score", *names]
-    rows = [[policy, _cell(found["score"]), *(_cell(found["tasks"].get(name)) for name in names)] for policy, found in policies]
+    rows = [
+        [policy, _cell(found["score"]), *(_cell(found["tasks"].get(name)) for name in names)]
+        for policy, found in best_first(document)
+    ]
     lines = ["| " + " | ".join(row) + " |" for row in (header, [":--", *["--:"] * (len(header) - 1)], *rows)]
     seen = f"{document['episodes']} episodes of each task, seed {document['seed']}."
     return "\n".join(lines) + f"\n\n{seen} {document['note']}\n\n`{document['command']}`\n"

@@ -262,8 +262,10 @@ def value_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
     return "-" if value is None else _number(value * scale)
 
 
-def signed_cell(figure: Mapping[str, float]) -> str:
+def signed_cell(figure: Mapping[str, float | None]) -> str:
     """A score, which may be negative, with two digits and its interval, if it has one."""
+    if figure["value"] is None:
+        return "-"
     value = f"{figure['value']:.2f}"
     return value if figure["low"] == figure["high"] else f"{value} [{figure['low']:.2f}, {figure['high']:.2f}]"
 
