@@ -10,7 +10,7 @@ PIP := $(RUN) -m pip --disable-pip-version-check
 # The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
 STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 
-.PHONY: help setup train test check speed kill fuzz soak release-check interop clean
+.PHONY: help setup train test check speed kill fuzz soak docs films release-check interop clean
 
 help:
 	@echo 'make train   train a policy and compare it with the paper (make train ARGS="--steps 1e3", to see it run)'
@@ -22,6 +22,7 @@ help:
 	@echo 'make fuzz    hand in nonsense of each kind                  (make fuzz ARGS=100000)'
 	@echo 'make soak    step all worlds on two threads and on one      (make soak ARGS=3600, seconds)'
 	@echo 'make release-check   build a wheel and an sdist, try them in an empty venv, go through the list'
+	@echo 'make docs    the site, in docs/html                     (make films: its moving pictures anew)'
 	@echo 'make setup   only the set-up: $(VENV), CPU build of torch, this folder as an editable install'
 	@echo 'make clean   remove $(VENV), .interop and the caches; runs/ stays'
 	@echo 'Variables: PYTHON=$(PYTHON)  TORCH_INDEX=$(TORCH_INDEX)  ARGS="..."'
@@ -29,7 +30,7 @@ help:
 setup: $(STAMP)
 
 train: $(STAMP)
-	@$(RUN) -m train $(ARGS)
+	@$(RUN) -m tagtrack train $(ARGS)
 
 test: $(STAMP)
 	@$(RUN) -m pytest $(ARGS)
@@ -38,7 +39,14 @@ check: $(STAMP)
 	@status=0; $(RUN) -m ruff check . || status=1; $(RUN) -m mypy || status=1; exit $$status
 
 speed: $(STAMP)
-	@$(RUN) -m eval speed $(or $(ARGS),$(SPEED_ARGS))
+	@$(RUN) -m tagtrack eval speed $(or $(ARGS),$(SPEED_ARGS))
+
+docs: $(STAMP)
+	@$(RUN) -m sphinx -W --keep-going -q -b html docs docs/html
+	@echo 'written: docs/html/index.html'
+
+films: $(STAMP)
+	@$(RUN) docs/films.py $(ARGS)
 
 kill: $(STAMP)
 	@$(RUN) -m tests.harness.kill $(ARGS)
@@ -75,5 +83,5 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .interop build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .interop build dist docs/html docs/environments *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,6 +1,6 @@
 """Circling: a view that keeps changing tells port from starboard and crosses bearings, where driving at the fish does not.
 
-The circle is about the mean of the belief or, for an oracle, about the true fish. By ``python -m eval tune --policy circle`` the
+The circle is about the mean of the belief or, for an oracle, about the true fish. By ``tagtrack eval tune --policy circle`` the
 mean error in LeopardShark-v0 is least at 9 m, 5.4 m, and within 0.2 m of it from 5 to 12 m; tune it anew for other tasks.
 """
 

@@ -34,7 +34,7 @@ class ThreeStep(Heuristic):
     """
 
     # Tolerance on the heading [rad], in degrees where it is given as text. The paper leaves it open. Mean errors in
-    # LeopardShark-v0 by `python -m eval tune --policy three_step`: 8.1 m at 5 degrees, 7.4 at 10, 6.7 at 20, 6.5 at 30, 6.3 at
+    # LeopardShark-v0 by `tagtrack eval tune --policy three_step`: 8.1 m at 5 degrees, 7.4 at 10, 6.7 at 20, 6.5 at 30, 6.3 at
     # 45. A smaller one spends its time on the last degrees of a turn, away from the fish. Beyond 45 degrees the steps end
     # before they are steered and the controller fades into pursuit (5.75 m at 90, as ``pursuit`` itself).
     tau: float = field(default=math.radians(45.0), metadata={"from_text": math.radians})

@@ -68,7 +68,13 @@ class Picture:
         self._clock: Any = None
         sensor = simulation.scenario.belief.receiver
         self._example = sensor.glimpse(measurement(time=0.0, x=0.0, y=0.0, readings=[1.0] * len(sensor.readings))[0], 1.0)
+        self._held: tuple[np.ndarray, np.ndarray] | None = None
         self._begin()
+
+    def hold_view(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Show this rectangle from now on, both corners (2,) [m], whatever may leave it: pictures side by side want one scale."""
+        self._held = np.asarray(low, float), np.asarray(high, float)
+        self._low, self._high = self._held
 
     def _begin(self) -> None:
         self._vehicle_track: list[np.ndarray] = []
@@ -97,6 +103,9 @@ class Picture:
         self._fish_track.append(simulation.fish_position[world].astype(float))
         for v, t in np.argwhere(simulation.detected[world]).tolist():
             self._readings[v, t] = self._read(v, t)
+        if self._held is not None:
+            self._low, self._high = self._held
+            return
         for points in (self._vehicle_track[-1], self._fish_track[-1], self._particles()):
             self._low = np.minimum(self._low, points.min(axis=0))  # the view only widens, so that it holds still
             self._high = np.maximum(self._high, points.max(axis=0))
@@ -116,8 +125,8 @@ class Picture:
         rows = self._pygame.image.tobytes(self._paint_surface(), "RGB")
         return np.frombuffer(rows, np.uint8).reshape(MAP, MAP + PANEL, 3).copy()
 
-    def show(self) -> None:
-        """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``."""
+    def show(self) -> bool:
+        """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``; whether nobody has asked to close it."""
         pygame = self._pygame
         if self._window is None:
             pygame.display.init()
@@ -125,9 +134,11 @@ class Picture:
             self._window = pygame.display.set_mode((MAP + PANEL, MAP))
             self._clock = pygame.time.Clock()
         self._window.blit(self._paint_surface(), (0, 0))
+        closed = bool(pygame.event.get(pygame.QUIT))
         pygame.event.pump()
         pygame.display.flip()
         self._clock.tick(FRAMES_PER_SECOND)
+        return not closed
 
     def close(self) -> None:
         """Close the window, if there is one."""

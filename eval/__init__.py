@@ -1,6 +1,6 @@
 """Paired roll-outs, metrics and tables: which policy localizes the fish best.
 
-``compare`` sets policies side by side on the same episodes; ``python -m eval --help`` shows the commands. The names below
+``compare`` sets policies side by side on the same episodes; ``tagtrack eval --help`` shows the commands. The names below
 load their modules when they are first asked for, so importing this package costs nothing.
 """
 

@@ -1,4 +1,4 @@
-"""`python -m eval aggregate`: one figure over several tasks, from benchmarks that have been run."""
+"""`tagtrack eval aggregate`: one figure over several tasks, from benchmarks that have been run."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import rich
 import tyro
 
+from tagtrack.command import tagtrack_here
 from tagtrack.envs.validation import brief
 from tagtrack.eval.report import as_console_table, interval_cell
 from tagtrack.eval.statistics.comparisons import estimate_of, geometric_mean
@@ -34,7 +35,8 @@ class Aggregate:
     def run(self) -> None:
         """Run it."""
         if not self.folders:
-            raise ValueError("name the folders of some benchmarks: python -m eval aggregate runs/benchmark-A runs/benchmark-B")
+            way = f"{tagtrack_here()} eval aggregate runs/benchmark-A runs/benchmark-B"
+            raise ValueError(f"name the folders of some benchmarks: {way}")
         documents = [read_benchmark(folder) for folder in self.folders]
         names = [document["env"] for document in documents]
         if twice := [name for name in names if names.count(name) > 1]:

@@ -1,4 +1,4 @@
-"""`python -m eval consistency`: is the belief as sure as it may be? Beside the proportions of Clark et al. 2013, Table II."""
+"""`tagtrack eval consistency`: is the belief as sure as it may be? Beside the proportions of Clark et al. 2013, Table II."""
 
 from __future__ import annotations
 

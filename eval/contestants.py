@@ -114,6 +114,16 @@ def make_groups(
     return groups
 
 
+def each_run(makers: Mapping[str, Contestant | dict[str, Contestant]], *, all_runs: bool = True) -> dict[str, Contestant]:
+    """All contestants by name, a training's runs as NAME/RUN, or its first one alone."""
+    found: dict[str, Contestant] = {}
+    for name, maker in makers.items():
+        runs = list(maker.items()) if isinstance(maker, dict) else [("", maker)]
+        for run, one in runs if all_runs else runs[:1]:
+            found[f"{name}/{run}" if run else name] = one
+    return found
+
+
 def _as_group(spec: str | dict[str, str]) -> dict[str, str]:
     return spec if isinstance(spec, dict) else {"": spec}
 

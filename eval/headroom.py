@@ -1,4 +1,4 @@
-"""`python -m eval headroom`: how much lower the error could still be, by what better moves in imagined futures gain.
+"""`tagtrack eval headroom`: how much lower the error could still be, by what better moves in imagined futures gain.
 
 At states of the policy's own episodes one vehicle holds each of a few first moves in many futures, and then goes on as the policy
 would. The move that is best in one half of the futures is judged by the other half, so that luck is no gain. Summed over the

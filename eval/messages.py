@@ -1,4 +1,4 @@
-"""`python -m eval messages`: what talking is worth to a fleet, by how much is lost, how seldom and how often vehicles talk."""
+"""`tagtrack eval messages`: what talking is worth to a fleet, by how much is lost, how seldom and how often vehicles talk."""
 
 from __future__ import annotations
 

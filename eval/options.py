@@ -1,15 +1,19 @@
-"""What the commands of ``python -m eval`` have in common: which task, how many episodes, which seeds."""
+"""What the commands of ``tagtrack eval`` have in common: which task, how many episodes, which seeds.
+
+The help of a command must not wait for numba: methods import what builds a task.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import tyro
 
-from tagtrack.envs.overrides import with_overrides
-from tagtrack.envs.task import Task, build_task, full_id, parse_overrides
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
+
+if TYPE_CHECKING:
+    from tagtrack.envs.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,9 @@ class TaskOptions:
 
     def build(self) -> Task:
         """The task. Raises ValueError or FileNotFoundError with one line on what is wrong."""
+        from tagtrack.envs.overrides import with_overrides
+        from tagtrack.envs.task import build_task
+
         task = build_task(self.env, **self.make_options())
         if self.particles is None and task.scenario.belief.particles < self.least_particles:
             task = task._replace(scenario=with_overrides(task.scenario, {"belief.particles": self.least_particles}))
@@ -55,10 +62,14 @@ class TaskOptions:
     @property
     def env_id(self) -> str:
         """The id with its namespace."""
+        from tagtrack.envs.task import full_id
+
         return full_id(self.env)
 
     def make_options(self) -> dict[str, Any]:
         """The keyword arguments of ``gymnasium.make``."""
+        from tagtrack.envs.task import parse_overrides
+
         overrides = parse_overrides([text for group in self.overrides for text in group], self.motion)
         if "belief.particles" in overrides:
             raise ValueError("the number of particles is set by --particles, not by --set belief.particles")

@@ -84,6 +84,8 @@ def plot_errors(
         bands: by policy, (2, 49) between which the error lies that ``SHARES`` of the steps stay below [m].
         lost_error: marked where it falls into the picture [m].
     """
+    from matplotlib.ticker import LogLocator
+
     figure, (axes,) = empty_figure(width=9.0, height=4.8)
     axes.set_xscale("log")
     share = np.linspace(0, 1, 1001)
@@ -101,6 +103,8 @@ def plot_errors(
     low, high = min(first), max(*last, 1.1 * min(first))
     axes.set(xlim=(low, high), ylim=(0, 100))
     axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axes.xaxis.set_minor_formatter("{x:g}")
     if low < lost_error < high:
         axes.axvline(lost_error, color=FAINT, lw=1, ls=":")
         axes.annotate("lost", (lost_error, 3), xytext=(4, 0), textcoords="offset points", color=FAINT)
@@ -167,7 +171,7 @@ def plot_learning_curve(curves: Mapping[str, tuple[ArrayLike, ArrayLike]], level
 
     Args:
         curves: by run, (steps (S,), error (S,) [m]), or errors (R, S) of R runs; NaN leaves a gap.
-        levels: by heuristic, its error on the same episodes [m], drawn as a dashed line.
+        levels: by heuristic, its mean error [m], drawn as a dashed line.
     """
     from matplotlib.ticker import EngFormatter
 

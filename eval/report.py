@@ -227,20 +227,10 @@ def console_table(document: Document) -> Table:
 
 
 def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note: str) -> Table:
-    """A table for the terminal, the first column left, figures right, a note below it."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
+    """A table for the terminal, the first column left, figures right, a note below it; it fits any width."""
+    from tagtrack.eval.console import FittedTable
 
-    table = Table(box=box.SIMPLE_HEAD, padding=0, caption=Text(note), caption_justify="left")
-    longest = max(len(row[0]) for row in (header, *rows))
-    table.add_column(header[0], overflow="fold", min_width=min(longest, 12))
-    for title in header[1:]:
-        table.add_column(Text(_stacked(title)), justify="right", no_wrap=True)
-    for policy, *cells in rows:
-        # Text and not str: a folder named "[red]" is a name and no markup.
-        table.add_row(Text(policy), *(Text(_stacked(cell)) for cell in cells))
-    return table
+    return FittedTable(header, rows, note)
 
 
 def write_benchmark(folder: str | os.PathLike[str], document: Document) -> tuple[Path, Path]:
@@ -272,19 +262,20 @@ def value_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
     return "-" if value is None else _number(value * scale)
 
 
+def signed_cell(figure: Mapping[str, float | None]) -> str:
+    """A score, which may be negative, with two digits and its interval, if it has one."""
+    if figure["value"] is None:
+        return "-"
+    value = f"{figure['value']:.2f}"
+    return value if figure["low"] == figure["high"] else f"{value} [{figure['low']:.2f}, {figure['high']:.2f}]"
+
+
 def interval_cell(figure: Mapping[str, float | None], scale: float = 1) -> str:
     """A figure as a cell of a table, "5.62 [5.41, 5.83]"."""
     low, high = figure["low"], figure["high"]
     if low is None or high is None:
         return value_cell(figure, scale)
     return f"{value_cell(figure, scale)} [{_number(low * scale)}, {_number(high * scale)}]"
-
-
-def _stacked(text: str) -> str:
-    """An interval below its figure and a title over several lines: nine columns have to fit a terminal of 80."""
-    for mark in (" [", " range", " error", " perimeter", " policy", " near", " tag", " if", " lost", " in ["):
-        text = text.replace(mark, "\n" + mark.strip())
-    return text
 
 
 def _number(value: float) -> str:

@@ -1,6 +1,6 @@
 """Which heuristics a learned policy must beat: for each task the paper's controller and the best that tuning found.
 
-The numbers are those of ``python -m eval tune --env ID --policy circle`` and ``information`` with 192 episodes for tuning, of the
+The numbers are those of ``tagtrack eval tune --env ID --policy circle`` and ``information`` with 192 episodes for tuning, of the
 pair with 64 and ``circle:centroid=1``.
 """
 

@@ -1,4 +1,4 @@
-"""`python -m eval tradeoff`: knowing where the fish is against keeping away from it."""
+"""`tagtrack eval tradeoff`: knowing where the fish is against keeping away from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m eval tune`: the number of a baseline that tracks best, found on episodes that no benchmark uses."""
+"""`tagtrack eval tune`: the number of a baseline that tracks best, found on episodes that no benchmark uses."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
     python fleet_sb3.py [DECISIONS]
 
-A few ten thousand decisions show that it runs; `python -m tagtrack.train --vehicles 3 --tags 2` does the same with validation,
+A few ten thousand decisions show that it runs; `tagtrack train --vehicles 3 --tags 2` does the same with validation,
 checkpoints and a policy file that needs no torch.
 """
 

@@ -1,6 +1,6 @@
 """A controller of one's own: it sails past the estimate and turns back, again and again.
 
-    python -m tagtrack.eval benchmark --env LeopardShark-v0 --policies three_step circle own_heuristic:Zigzag
+    tagtrack eval benchmark --env LeopardShark-v0 --policies three_step circle own_heuristic:Zigzag
 """
 
 from dataclasses import dataclass

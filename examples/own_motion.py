@@ -1,6 +1,6 @@
 """A motion of one's own: a fish that darts and rests. It moves the true fish, the particles of a belief, or both.
 
-    python -m tagtrack.eval benchmark --env LeopardShark-v0 --set fish=own_motion:DartAndRest belief.motion=own_motion:DartAndRest
+    tagtrack eval benchmark --env LeopardShark-v0 --set fish=own_motion:DartAndRest belief.motion=own_motion:DartAndRest
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """A term of the reward of one's own: the vehicle should keep a distance, neither nearer nor farther.
 
-    python -m tagtrack.train --env LeopardShark-v0 --set reward.own=own_reward:KeepDistance reward.own.keep_distance.weight=0.2
+    tagtrack train --env LeopardShark-v0 --set reward.own=own_reward:KeepDistance reward.own.keep_distance.weight=0.2
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """A sensor of one's own: a bearing with Gaussian noise that knows port from starboard. Nothing in the package is touched.
 
-    python -m tagtrack.train --env LeopardShark-v0 --set receiver=own_sensor:SidedBearing belief.receiver=own_sensor:SidedBearing
+    tagtrack train --env LeopardShark-v0 --set receiver=own_sensor:SidedBearing belief.receiver=own_sensor:SidedBearing
 """
 
 import math

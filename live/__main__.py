@@ -1,4 +1,4 @@
-"""`python -m live`."""
+"""`tagtrack live`."""
 
 import sys
 

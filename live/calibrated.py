@@ -1,4 +1,4 @@
-"""Arrivals of pings become ranges by the calibration of the tag's clock (``python -m eval calibrate``; Lin et al. 2013, IV)."""
+"""Arrivals of pings become ranges by the calibration of the tag's clock (``tagtrack eval calibrate``; Lin et al. 2013, IV)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from tagtrack.command import tagtrack_here
 from tagtrack.eval.field.tag_clock.time_of_flight import TagClock, time_of_flight_range
 
 
@@ -34,7 +35,7 @@ def read_range_finder(path: str | Path) -> RangeFinder:
     if path.is_dir():
         path = path / "calibration.json"
     if not path.is_file():
-        raise FileNotFoundError(f"no calibration {path}; make one: python -m eval calibrate --arrivals FILE --out DIR")
+        raise FileNotFoundError(f"no calibration {path}; make one: {tagtrack_here()} eval calibrate --arrivals FILE --out DIR")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         clock = TagClock(period=float(document["by_line"]["period"]), first_ping=float(document["first_ping_s"]))

@@ -1,4 +1,4 @@
-"""`python -m live`: recorded missions and vehicles at sea. The standard library reads the arguments: aboard there is no other."""
+"""`tagtrack live`: recorded missions and vehicles at sea. The standard library reads the arguments: aboard there is no other."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
+
+from tagtrack.command import tagtrack_here
 
 DESCRIPTION = "The filter and a policy on real missions: a log once more, a vehicle at sea, or one that is simulated."
 
@@ -29,8 +31,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def whole_number(text: str) -> int:
+    """A whole number as people write it: 4000, 1e6."""
+    number = float(text)
+    if not number.is_integer():
+        raise argparse.ArgumentTypeError(f"must be a whole number, as 4000 or 1e6, got {text!r}")
+    return int(number)
+
+
 def make_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m live", description=DESCRIPTION, allow_abbrev=False)
+    parser = argparse.ArgumentParser(prog=f"{tagtrack_here()} live", description=DESCRIPTION, allow_abbrev=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_replay(commands)
     _add_steer(commands)
@@ -46,12 +56,12 @@ def add_task(parser: argparse.ArgumentParser, *, required: bool, speeds: bool = 
     """Options that name a task and its filter."""
     parser.add_argument("--env", metavar="ID", required=required, help="environment whose sensor fits: LeopardShark-v0 ...")
     parser.add_argument("--filter", metavar="NAME", help="another filter of the papers: standard, levy, combined_brownian ...")
-    parser.add_argument("--particles", metavar="N", type=int, help="of each belief (the environment's own)")
+    parser.add_argument("--particles", metavar="N", type=whole_number, help="of each belief (the environment's own)")
     parser.add_argument(
         "--set", metavar="NAME=VALUE", nargs="+", action="append", default=[], help="parameters: belief.receiver.bearing_sigma=2"
     )
     parser.add_argument("--tags", metavar="NAME", nargs="+", help="tags to track")
-    parser.add_argument("--seed", metavar="N", type=int, help="of the filter's random numbers (0, or the log's own)")
+    parser.add_argument("--seed", metavar="N", type=whole_number, help="of the filter's random numbers (0, or the log's own)")
     add_conventions(parser, speeds=speeds)
 
 
@@ -73,9 +83,9 @@ def _add_replay(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -
         epilog="""a log is csv or JSON lines:
   navigation  t [s], x, y [m] (or lon, lat), heading [degrees clockwise from north], speed [m/s]
   readings    t [s], tag, bearing_units, strength, range [m], arrival [s], depth [m], heard (0: asked in vain)
-in one file or two; `python -m eval benchmark --record 1` writes one.
+in one file or two; `tagtrack eval benchmark --record 1` writes one.
 
-example: python -m live replay --log nav.csv pings.csv --env RangeOnly-v0 --out replayed""",
+example: tagtrack live replay --log nav.csv pings.csv --env RangeOnly-v0 --out replayed""",
     )
     parser.set_defaults(module="replay")
     parser.add_argument("--log", metavar="FILE", nargs="+", required=True, help="the log's files, or a folder that was recorded")
@@ -83,7 +93,7 @@ example: python -m live replay --log nav.csv pings.csv --env RangeOnly-v0 --out 
     parser.add_argument("--reference", metavar="FILE", help="csv t,x,y[,tag] of where the tags truly were (a recorded log's own)")
     parser.add_argument("--calibration", metavar="FILE", help="what eval calibrate wrote: arrivals become ranges")
     parser.add_argument("--compare", metavar="NAME", nargs="+", help="filters to set side by side: standard brownian levy ...")
-    parser.add_argument("--seeds", metavar="N", type=int, default=5, help="repetitions of each in --compare (5)")
+    parser.add_argument("--seeds", metavar="N", type=whole_number, default=5, help="repetitions of each in --compare (5)")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder to write; an earlier replay's is replaced")
 
 
@@ -97,7 +107,7 @@ def _add_steer(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 vehicles   iver, goby, json
 sources    - (standard input), a file that grows, udp:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD
 
-example: python -m live steer --env AreaOnly-v0 --policy circle:200 --tags 1285 \\
+example: tagtrack live steer --env AreaOnly-v0 --policy circle:200 --tags 1285 \\
              --receiver tbr:serial:/dev/ttyUSB0:115200 --vehicle goby:tcp:localhost:54000 --log mission1""",
     )
     parser.set_defaults(module="steer")
@@ -145,7 +155,7 @@ def _add_simulate(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.add_argument("--headings", choices=("nautical", "mathematical"), default="nautical", help="of json (nautical)")
     parser.add_argument("--port", metavar="P", type=int, default=54000, help="of the receiver; the vehicle's is the next (54000)")
     parser.add_argument("--speed", metavar="X", type=float, default=1.0, help="of time; 0: each step waits for an order (1)")
-    parser.add_argument("--steps", metavar="N", type=int, help="(the environment's own)")
+    parser.add_argument("--steps", metavar="N", type=whole_number, help="(the environment's own)")
     parser.add_argument("--wait", metavar="S", type=float, default=60.0, help="for the other end [s] (60)")
     parser.add_argument("--report", metavar="FILE", help="JSON of where fish and vehicle truly were")
 
@@ -159,8 +169,8 @@ def _add_rehearse(commands: argparse._SubParsersAction[argparse.ArgumentParser])
     parser.set_defaults(module="rehearse")
     _add_scenario(parser)
     parser.add_argument("--policy", metavar="POLICY", default="circle", help="baseline or folder of a training run (circle)")
-    parser.add_argument("--particles", metavar="N", type=int, help="of each belief (the environment's own)")
-    parser.add_argument("--episodes", metavar="N", type=int, default=10, help="(10)")
+    parser.add_argument("--particles", metavar="N", type=whole_number, help="of each belief (the environment's own)")
+    parser.add_argument("--episodes", metavar="N", type=whole_number, default=10, help="(10)")
     parser.add_argument("--speed", metavar="X", type=float, default=0.0, help="of time; 0: lockstep (0)")
     parser.add_argument("--port", metavar="P", type=int, default=55000, help="the first of those that are used (55000)")
 
@@ -169,7 +179,7 @@ def _add_scenario(parser: argparse.ArgumentParser) -> None:
     """Options of a simulated episode and of how its two ends speak."""
     parser.add_argument("--env", metavar="ID", required=True, help="environment")
     parser.add_argument("--set", metavar="NAME=VALUE", nargs="+", action="append", default=[], help="parameters of the scenario")
-    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the (first) episode (0)")
+    parser.add_argument("--seed", metavar="N", type=whole_number, default=0, help="of the (first) episode (0)")
     parser.add_argument("--receiver", choices=("tbr", "vr2c", "rxlive", "json"), default="json", help="(json)")
     parser.add_argument("--vehicle", choices=("iver", "goby", "json"), default="json", help="(json)")
     parser.add_argument("--pty", action="store_true", help="the vehicle on a pseudo-terminal instead")
@@ -184,9 +194,9 @@ def _add_range_test(commands: argparse._SubParsersAction[argparse.ArgumentParser
         description="How many pings of a tag at known places were heard from how far: counts, shares, a curve, a picture.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="""example, a buoy past which a boat tows a tag:
-  python -m live range-test --log buoy.csv pings.csv --reference boat.csv --interval 10
+  tagtrack live range-test --log buoy.csv pings.csv --reference boat.csv --interval 10
 moored receivers:
-  python -m live range-test --detections det.csv --receivers rec.csv --reference boat.csv --interval 30""",
+  tagtrack live range-test --detections det.csv --receivers rec.csv --reference boat.csv --interval 30""",
     )
     parser.set_defaults(module="range_test")
     parser.add_argument("--log", metavar="FILE", nargs="+", help="log of the receiver's platform: navigation and readings")

@@ -1,4 +1,4 @@
-"""`python -m live compile`: what a mission needs, compiled before it begins."""
+"""`tagtrack live compile`: what a mission needs, compiled before it begins."""
 
 from __future__ import annotations
 

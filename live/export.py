@@ -1,4 +1,4 @@
-"""`python -m live export`: a learned policy as an ONNX graph."""
+"""`tagtrack live export`: a learned policy as an ONNX graph."""
 
 from __future__ import annotations
 

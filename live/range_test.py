@@ -1,4 +1,4 @@
-"""`python -m live range-test`: how many pings are heard from how far, before a mission relies on it."""
+"""`tagtrack live range-test`: how many pings are heard from how far, before a mission relies on it."""
 
 from __future__ import annotations
 

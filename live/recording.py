@@ -1,4 +1,4 @@
-"""An episode of the simulator written down as a vehicle would have logged it, for ``python -m live replay``."""
+"""An episode of the simulator written down as a vehicle would have logged it, for ``tagtrack live replay``."""
 
 from __future__ import annotations
 

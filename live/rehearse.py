@@ -1,4 +1,4 @@
-"""`python -m live rehearse`: whole missions over loopback, beside the environment's own episodes."""
+"""`tagtrack live rehearse`: whole missions over loopback, beside the environment's own episodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m live replay`: the log of a mission through the filter, once more or with others."""
+"""`tagtrack live replay`: the log of a mission through the filter, once more or with others."""
 
 from __future__ import annotations
 

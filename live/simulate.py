@@ -1,4 +1,4 @@
-"""`python -m live simulate`: a fish, water, a receiver and a vehicle that speak as real ones do."""
+"""`tagtrack live simulate`: a fish, water, a receiver and a vehicle that speak as real ones do."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from tagtrack.command import tagtrack_here
 from tagtrack.envs.belief.row import make_scratch
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.measurement import Status
@@ -295,7 +296,7 @@ class Theatre:
         until = time.monotonic() + wait
         while not (self.ears.connected and self.helm.connected):
             if time.monotonic() > until:
-                raise RuntimeError(f"nobody came within {wait:g} s; start python -m live steer, or give more --wait")
+                raise RuntimeError(f"nobody came within {wait:g} s; start {tagtrack_here()} live steer, or give more --wait")
             select.select(self.ears.descriptors() + self.helm.descriptors(), [], [], 0.05)
         if self.speed > 0:
             self.epoch = self._clock()

@@ -1,4 +1,4 @@
-"""`python -m live steer`: a policy aboard, between a receiver and a vehicle."""
+"""`tagtrack live steer`: a policy aboard, between a receiver and a vehicle."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tagtrack.command import tagtrack_here
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import build_task, parse_overrides
 from tagtrack.live.conventions import Conventions
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> None:
         vehicle.close()
         dropped = helm.dropped + receiver.counts + vehicle.counts
         told = [f"{helm.fixes} fixes, {helm.heard_lines} lines of the receiver; dropped: {describe_counts(dropped)}"]
-        told += [f"go on: python -m live steer --resume {folder}"]
+        told += [f"go on: {tagtrack_here()} live steer --resume {folder}"]
         with contextlib.suppress(OSError):
             print("\n".join(told), file=sys.stderr)
 

@@ -5,18 +5,33 @@ simulation, and numba with it, loads only when an environment is made; ``gymnasi
 needs no other import.
 """
 
-try:
-    from gymnasium.envs.registration import register, registry
-except ModuleNotFoundError as error:  # a vehicle needs the filter and a policy, no environments
-    if error.name != "gymnasium":
-        raise
-    registry = None  # type: ignore[assignment]
-try:
-    import pettingzoo
-except ModuleNotFoundError as error:
-    if error.name != "pettingzoo":
-        raise
-    pettingzoo = None  # type: ignore[assignment]
+import os
+import sys
+from typing import Any
+
+registry: Any = None
+pettingzoo: Any = None
+
+
+def _asks_for_help_alone() -> bool:
+    """Whether this process is the command ``tagtrack`` and shows its help or version, which need no ids and should not wait."""
+    program, *words = getattr(sys, "argv", None) or [""]
+    command = os.path.join(os.path.dirname(sys.executable), "tagtrack")
+    asks = not words or not {"-h", "--help", "--version"}.isdisjoint(words)
+    return asks and os.path.splitext(os.path.abspath(program))[0] == command
+
+
+if not _asks_for_help_alone():
+    try:
+        from gymnasium.envs.registration import register, registry
+    except ModuleNotFoundError as error:  # a vehicle needs the filter and a policy, no environments
+        if error.name != "gymnasium":
+            raise
+    try:
+        import pettingzoo  # type: ignore[no-redef]
+    except ModuleNotFoundError as error:
+        if error.name != "pettingzoo":
+            raise
 
 __version__ = "0.1.0"
 

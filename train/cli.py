@@ -1,4 +1,4 @@
-"""`python -m train`: parse, make or reopen the run's folder, train, and compare the policy with the paper's controller."""
+"""`tagtrack train`: parse, make or reopen the run's folder, train, and compare the policy with the paper's controller."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
-from tagtrack.envs.task import full_id
+from tagtrack.command import tagtrack_here
 from tagtrack.train.config import TrainConfig, changed_fields, flatten, from_json, merge_texts
 
 if TYPE_CHECKING:
@@ -36,12 +36,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def parse(arguments: list[str]) -> TrainConfig:
     """The command line over the defaults, or over the file that --config names."""
-    config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog="python -m train")
+    config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog=f"{tagtrack_here()} train")
     if config.config is None or config.resume is not None:
         return config
     file = from_json(config.config)
     default = dataclasses.replace(file, config=config.config, out=None, resume=None, set=(), hyper=())
-    config = tyro.cli(TrainConfig, args=arguments, default=default, prog="python -m train")
+    config = tyro.cli(TrainConfig, args=arguments, default=default, prog=f"{tagtrack_here()} train")
     return dataclasses.replace(config, set=merge_texts(file.set, config.set), hyper=merge_texts(file.hyper, config.hyper))
 
 
@@ -52,6 +52,7 @@ def run(config: TrainConfig) -> int:
 
 def begin(config: TrainConfig) -> int:
     """A new run. What cannot be run is refused before a folder is made."""
+    from tagtrack.envs.task import full_id
     from tagtrack.train.run_folder import RunFolder
     from tagtrack.train.session import train
     from tagtrack.train.settings import with_own_start

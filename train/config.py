@@ -21,7 +21,7 @@ Texts = tuple[tuple[str, ...], ...]  # one group for each time that a flag is gi
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """Train a policy; it can then be named, by its folder, in `python -m eval benchmark`."""
+    """Train a policy; it can then be named, by its folder, in `tagtrack eval benchmark`."""
 
     env: Annotated[str, tyro.conf.arg(metavar="ID")] = "TagTrack/LeopardShark-v0"
     """Environment id, with or without `TagTrack/`."""

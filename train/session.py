@@ -6,11 +6,13 @@ import dataclasses
 import os
 import shlex
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import rich
 import torch
 
+from tagtrack.command import tagtrack_here
 from tagtrack.envs.overrides import describe_scenario
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import compare
@@ -72,7 +74,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
     env.close()
     if not finished:
         draw_curve(folder)
-        command = f"python -m train --resume {shlex.quote(os.path.relpath(folder.path))}"
+        command = f"{tagtrack_here()} train --resume {shlex.quote(os.path.relpath(folder.path))}"
         print(f"stopped at {model.num_timesteps:,} of {settings.steps:,} steps; go on with\n    {command}")
         return 130
     before = f" after {done:,} earlier ones" if done else ""
@@ -125,13 +127,14 @@ def count(number: int, noun: str) -> str:
 def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
     """What a trained run ends with: its curve, and its table on the terminal and in table.md."""
     draw_curve(folder)
-    write_comparison(config, folder, task, task.env_id)
+    draw_curve(folder, write_comparison(config, folder, task, task.env_id))
     path = shlex.quote(str(folder.path))
-    print(f"run: {folder.path}\nmore: python -m eval benchmark {describe_task(config, task)} --policies three_step {path}")
+    command = f"{tagtrack_here()} eval benchmark {describe_task(config, task)} --policies three_step {path}"
+    print(f"run: {folder.path}\nmore: {command}")
 
 
 def describe_task(config: TrainConfig, task: Task) -> str:
-    """The options of `python -m eval` that name the task of a run."""
+    """The options of `tagtrack eval` that name the task of a run."""
     given = {name: getattr(config, name) for name in ("preset", "tracks", "time_scale", "motion", "vehicles", "tags", "modem")}
     env_id = config.env if ":" in config.env else task.env_id  # its module must be imported again
     options = [f"--env {shlex.quote(env_id)}"]
@@ -139,17 +142,21 @@ def describe_task(config: TrainConfig, task: Task) -> str:
     return " ".join([*options, *(["--set", *map(shlex.quote, flatten(config.set))] if config.set else [])])
 
 
-def draw_curve(folder: RunFolder) -> None:
-    """learning_curve.png from progress.csv."""
+def draw_curve(folder: RunFolder, rivals: Mapping[str, float] | None = None) -> None:
+    """learning_curve.png from progress.csv, with lines at the mean errors [m] of ``rivals``."""
     rows = folder.read_progress()
     if rows:
         steps = [float(row["steps"]) for row in rows]
         errors = [float(row["validation_error_m"]) for row in rows]
-        save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, {}))
+        save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, rivals or {}))
 
 
-def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id: str) -> None:
-    """A small table: the policy kept beside the best heuristics and what it began as, on episodes it was not chosen on."""
+def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id: str) -> dict[str, float]:
+    """A small table: the policy kept beside the best heuristics and what it began as, on episodes it was not chosen on.
+
+    Returns:
+        The mean errors of the heuristics [m].
+    """
     name, rivals = folder.path.resolve().name, rivals_of(task)
     began = UNTRAINED if config.start is None else "as it began"
     own = f"{name}/" if name in (*rivals, began) else name  # a folder may be called pursuit
@@ -161,3 +168,4 @@ def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id:
     document = comparison.document(collect_versions())
     rich.print(console_table(document))  # before it is written: a full disk must not cost the result
     write_text(folder.path / TABLE_FILE, markdown_table(document))
+    return {rival: comparison.summaries[rival]["mean_error_m"].value for rival in rivals}

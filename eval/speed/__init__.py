@@ -1,1 +1,1 @@
-"""`python -m eval speed`: the compiled core beside a filter written to be read."""
+"""`tagtrack eval speed`: the compiled core beside a filter written to be read."""

@@ -1,4 +1,4 @@
-"""`python -m eval speed`: env steps and particle updates a second, beside the readable numpy + filterpy filter."""
+"""`tagtrack eval speed`: env steps and particle updates a second, beside the readable numpy + filterpy filter."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Short tasks for the commands and roll-outs, a saved policy that fits them, and `python -m eval` within this process."""
+"""Short tasks for the commands and roll-outs, a saved policy that fits them, and `tagtrack eval` within this process."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ from tagtrack.policies.network import NetworkPolicy, weight_shapes
 STEPS, PARTICLES = 40, 60
 LONGITUDE, LATITUDE = -80.9, 25.1  # of the origin of places in metres
 SHORT = ("--set", f"episode_steps={STEPS}", "--particles", str(PARTICLES), "--episodes", "6")
+
+
+@pytest.fixture(autouse=True)
+def short_films(monkeypatch) -> None:
+    """Reports with films of two pictures: painting takes longer than the episodes of these tests."""
+    monkeypatch.setattr("tagtrack.eval.benchmark_pictures.FRAMES", 2)
 
 
 @pytest.fixture

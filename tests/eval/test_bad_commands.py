@@ -5,7 +5,8 @@ import resource
 
 import pytest
 
-from tagtrack.eval import benchmark, comparison
+from tagtrack.eval import benchmark_run as benchmark
+from tagtrack.eval import comparison
 from tests.eval.conftest import SHORT
 
 BASELINES = "three_step, pursuit, circle, assignment, uncertain, information, stationary, random, oracle_circle, rollout"

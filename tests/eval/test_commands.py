@@ -1,4 +1,4 @@
-"""`python -m eval` as a user types it: files written, their layout, and what the commands promise of each other."""
+"""`tagtrack eval` as a user types it: files written, their layout, and what the commands promise of each other."""
 
 import json
 import subprocess
@@ -40,7 +40,7 @@ def test_benchmark_writes_table_json_and_pictures(tmp_path, save_run):
     assert "steps/s" not in done.stderr  # no progress bar where there is no terminal
     out = tmp_path / "out"
     assert sorted(path.name for path in out.iterdir()) == [
-        "benchmark.json", "config.json", "errors.png", "table.md", "track_median.png",
+        "benchmark.json", "config.json", "errors.png", "report.html", "table.md", "track_median.png",
     ]  # fmt: skip
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in out.glob("*.png"))
     result = read_json(out / "benchmark.json")

@@ -59,7 +59,7 @@ def test_registered_id_is_trained_and_compared_by_its_name(run: Callable, tmp_pa
     assert config["env"] == f"reef:{name}"  # from which the run can be made again
     assert config["scenario"]["episode_steps"] == 12
     assert read_json(tmp_path / folder / "policy.json")["env_id"] == name
-    assert f"more: python -m eval benchmark --env reef:{name} " in done.stdout
+    assert f"tagtrack eval benchmark --env reef:{name} " in done.stdout
     done = run("tagtrack.eval", "benchmark", *env, "--episodes", "2", "--policies", "pursuit", folder, "--out", "table")
     assert done.returncode == 0, done.stderr
     assert read_json(tmp_path / "table/benchmark.json")["env"] == name

@@ -1,4 +1,4 @@
-"""`python -m eval papers`: rows, files, repeatability and what is refused."""
+"""`tagtrack eval papers`: rows, files, repeatability and what is refused."""
 
 import dataclasses
 import json

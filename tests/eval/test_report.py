@@ -158,3 +158,21 @@ def test_three_digits_are_shown(value, shown):
     }
     _, rows = table_rows({"policies": {"only": figures}, "ratios": {}})
     assert rows[0][1].split()[0] == shown
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 200])
+def test_terminals_of_any_width_show_every_figure_of_every_row(width):
+    from rich.console import Console
+
+    from tagtrack.eval.console import FittedTable
+
+    made = document(perimeter=20.0, names=("three_step", "circle:radius=34,centroid=1", "a policy with a long name of its own"))
+    header, rows = table_rows(made)
+    screen = io.StringIO()
+    Console(file=screen, width=width).print(FittedTable(header, rows, "A note that goes on. " * 5))
+    lines = screen.getvalue().splitlines()
+    assert max(map(len, lines)) <= width and "…" not in screen.getvalue()
+    shown = "".join(screen.getvalue().split())
+    for cell in {part for row in rows for text in row[1:] for part in text.replace("[", " [").split(" [")}:
+        assert cell.replace(" ", "") in shown
+    assert " ".join(screen.getvalue().split()).count("that goes on") == 5

@@ -55,7 +55,7 @@ def feed(tracker: Tracker, events: list[Event]) -> None:
 
 @pytest.fixture
 def live(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
-    """Run a command line of `python -m live`; exit status, standard output and error (without the word about compiling)."""
+    """Run a command line of `tagtrack live`; exit status, standard output and error (without the word about compiling)."""
 
     def run(*arguments: object) -> tuple[int, str, str]:
         status = main([str(argument) for argument in arguments])

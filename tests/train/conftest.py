@@ -1,4 +1,4 @@
-"""`python -m train` within this process and as a subprocess, and one small run for the tests to copy."""
+"""`tagtrack train` within this process and as a subprocess, and one small run for the tests to copy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m train` as its user runs it: what a run leaves, and what is refused before it begins."""
+"""`tagtrack train` as its user runs it: what a run leaves, and what is refused before it begins."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_ctrl_c_saves_and_says_how_to_resume(tmp_path):
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     printed, _ = process.communicate(timeout=120)
-    assert process.returncode == 130 and "python -m train --resume 'a run'" in printed
+    assert process.returncode == 130 and "train --resume 'a run'" in printed
     assert json.loads((run / "checkpoint" / "latest.json").read_text())["steps"] == steps_in(run)[-1] > 0
 
 

@@ -1,4 +1,4 @@
-"""`python -m train --resume`: a run goes on from wherever it was cut off, and a stranger's only if it is trusted."""
+"""`tagtrack train --resume`: a run goes on from wherever it was cut off, and a stranger's only if it is trusted."""
 
 from __future__ import annotations
 

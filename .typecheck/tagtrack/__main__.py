@@ -1,0 +1,1 @@
+../../tagtrack/__main__.py

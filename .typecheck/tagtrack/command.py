@@ -1,0 +1,1 @@
+../../tagtrack/command.py
