@@ -1,6 +1,6 @@
 """What is measured in the field: receivers on moorings, files of telemetry, the clock of a tag.
 
-The chain of `python -m eval array` as functions: ``read_detections``, ``synchronize`` and ``correct`` for raw clocks,
+The chain of `tagtrack eval array` as functions: ``read_detections``, ``synchronize`` and ``correct`` for raw clocks,
 ``locate_tags``.
 The names below load their modules when they are first asked for.
 """

@@ -1,1 +1,1 @@
-"""Simulated twins of the papers' experiments, their figures set beside the printed ones (``python -m eval papers``)."""
+"""Simulated twins of the papers' experiments, their figures set beside the printed ones (``tagtrack eval papers``)."""

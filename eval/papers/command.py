@@ -1,4 +1,4 @@
-"""`python -m eval papers`: simulated twins of the papers' experiments, as a table, a JSON file and pictures."""
+"""`tagtrack eval papers`: simulated twins of the papers' experiments, as a table, a JSON file and pictures."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""`python -m eval array`: moored receivers, from raw detections to clocks, places, positions and tracks."""
+"""`tagtrack eval array`: moored receivers, from raw detections to clocks, places, positions and tracks."""

@@ -1,4 +1,4 @@
-"""`python -m eval array`: one command each for what is done with moored receivers."""
+"""`tagtrack eval array`: one command each for what is done with moored receivers."""
 
 from __future__ import annotations
 

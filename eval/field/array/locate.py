@@ -1,4 +1,4 @@
-"""`python -m eval array locate`: where tags were at each ping, or over each hundred of them."""
+"""`tagtrack eval array locate`: where tags were at each ping, or over each hundred of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m eval array simulate`: the estimators on simulated pings beside the bound (Masmitja et al. 2020, Figs. 2, S1, S2)."""
+"""`tagtrack eval array simulate`: the estimators on simulated pings beside the bound (Masmitja et al. 2020, Figs. 2, S1, S2)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m eval array survey`: places of moored receivers from the sound between them (Masmitja et al. 2020, Fig. 4G)."""
+"""`tagtrack eval array survey`: places of moored receivers from the sound between them (Masmitja et al. 2020, Fig. 4G)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m eval array sync`: clocks of moored receivers, and detections corrected by them (Masmitja et al. 2020, Fig. 4)."""
+"""`tagtrack eval array sync`: clocks of moored receivers, and detections corrected by them (Masmitja et al. 2020, Fig. 4)."""
 
 from __future__ import annotations
 

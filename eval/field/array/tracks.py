@@ -1,4 +1,4 @@
-"""`python -m eval array tracks`: smoothed tracks of tagged animals, gaps left open, ready as targets for the environments."""
+"""`tagtrack eval array tracks`: smoothed tracks of tagged animals, gaps left open, ready as targets for the environments."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Tracks:
     and held_out.csv (split by animal, in the plane), tracks.json and map.png. Of a ping that fits two places, the one that its
     neighbours lead to is taken.
     Where no ping was located for longer than --longest-gap the track is cut: no rows stand there. Use a file with
-    `python -m train --tracks FILE`. Where --receivers is in degrees, x,y are metres east and north of the origin that tracks.json
+    `tagtrack train --tracks FILE`. Where --receivers is in degrees, x,y are metres east and north of the origin that tracks.json
     names, and movebank.csv has the tracks in degrees, as Movebank takes them.
     """
 

@@ -1,4 +1,4 @@
-"""`python -m eval calibrate`: the period of a tag's code from arrivals recorded beside the hydrophone (Lin et al. 2013, IV.B)."""
+"""`tagtrack eval calibrate`: the period of a tag's code from arrivals recorded beside the hydrophone (Lin et al. 2013, IV.B)."""
 
 from __future__ import annotations
 
