@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import tyro
 from tagtrack.eval.papers.document import as_markdown_page, console_table, papers_document
 from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size
 from tagtrack.eval.papers.registry import EXPERIMENTS
+from tagtrack.eval.papers.running import Taken, run_experiments
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import write_json, write_text
@@ -41,7 +41,7 @@ class Papers:
     seed: int = 0
     """Of the first repetition; the others follow."""
     threads: int = 1
-    """Threads of simulation and filters; results do not depend on them."""
+    """Experiments that run at once, each in a process of its own; results do not depend on it."""
     data: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(TAGTRACK_DATA, else none)")] = None
     """Folder with the field data of Masmitja et al. 2020 (resnep/), for their Tables 1 and S1; left out without it."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/papers-PAPER-TIME)")] = None
@@ -59,7 +59,9 @@ class Papers:
         out = self.out or default_folder("papers", self.paper or "all")
         require_replaceable(out, OWN_FILES, "comparison with the papers")
         size = QUICK if self.quick else Size()
-        found, seconds = self.repeat(size, first)
+        taken = self.repeat(size, first)
+        found = {experiment: findings for experiment, (findings, _) in taken.items()}
+        seconds = {experiment: each for experiment, (_, each) in taken.items()}
         document = papers_document(found, seconds=seconds, seed=self.seed, size=size, versions=collect_versions())
         rich.print(console_table(document))
         with replace_results(out, OWN_FILES) as folder:
@@ -69,19 +71,12 @@ class Papers:
                 save_figure(folder / f"{name}.png", figure)
         print(f"written: {out}")
 
-    def repeat(self, size: Size, seed: int) -> tuple[dict[Experiment, Findings], dict[Experiment, float]]:
+    def repeat(self, size: Size, seed: int) -> Mapping[Experiment, Taken]:
         """What each experiment found, and the time it took [s]."""
         chosen = [each for paper, experiments in EXPERIMENTS.items() if self.paper in (None, paper) for each in experiments]
-        found, seconds = {}, {}
+        setting = Setting(size=size, seed=seed, threads=self.threads, data=self.data or named_data())
         with progress_bar(sum(experiment.steps(size) for experiment in chosen)) as advance:
-            for experiment in chosen:
-                begun = time.perf_counter()
-                title = f"{experiment.paper}, {experiment.table}"
-                bound = _bind(advance, title)
-                setting = Setting(size=size, seed=seed, threads=self.threads, data=self.data or named_data(), advance=bound)
-                found[experiment] = experiment.run(setting)
-                seconds[experiment] = time.perf_counter() - begun
-        return found, seconds
+            return run_experiments(chosen, setting, advance, processes=self.threads)
 
 
 def named_data() -> Path | None:
@@ -93,7 +88,3 @@ def named_data() -> Path | None:
 def figures_of(found: Mapping[Experiment, Findings]) -> dict[str, Any]:
     """All figures by file name."""
     return {name: figure for findings in found.values() for name, figure in findings.figures.items()}
-
-
-def _bind(advance: Any, title: str) -> Any:
-    return lambda steps: advance(title, steps)

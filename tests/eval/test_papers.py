@@ -4,6 +4,8 @@ import dataclasses
 import json
 import math
 import re
+from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +13,12 @@ import pytest
 from tagtrack.eval.papers import command
 from tagtrack.eval.papers.document import as_markdown_page, papers_document
 from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size, make_row
+from tagtrack.eval.papers.lin2013_clock import HISTOGRAM_TWIN, PERIODS_TWIN
+from tagtrack.eval.papers.masmitja2020_bound import BOUND_TWIN
 from tagtrack.eval.papers.masmitja2020_field import FIELD
 from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.registry import EXPERIMENTS, WITHOUT_TWIN
+from tagtrack.eval.papers.running import run_experiments, title_of
 from tagtrack.eval.plots import empty_figure
 
 KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note", "repeated"]
@@ -202,6 +207,22 @@ def test_an_experiment_tells_its_progress_and_repeats_itself(experiment, request
     assert len(set(cells)) == len(cells)
     again = experiment.run(Setting(size=SMALL, seed=3, data=data))
     assert [found.to_json() for found in again.rows] == [found.to_json() for found in first.rows]
+
+
+def test_experiments_in_processes_find_and_report_what_they_do_one_after_another():
+    """Three that simulate no vehicle, and so compile nothing."""
+    chosen = [HISTOGRAM_TWIN, PERIODS_TWIN, BOUND_TWIN]
+    found, reported = [], []
+    for processes in (1, 2):
+        done = Counter()
+        tell = partial(lambda counter, title, steps: counter.update({title: steps}), done)
+        taken = run_experiments(chosen, Setting(size=SMALL, seed=3), tell, processes)
+        found.append({each.table: [row.to_json() for row in findings.rows] for each, (findings, _) in taken.items()})
+        reported.append(done)
+    assert json.dumps(found[0]) == json.dumps(found[1]) and list(found[1]) == [each.table for each in chosen]
+    with pytest.raises(ValueError, match="negative"):
+        run_experiments(chosen, Setting(size=SMALL, seed=-1), lambda title, steps: None, processes=2)
+    assert reported[0] == reported[1] == {title_of(each): each.steps(SMALL) for each in chosen}
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from tagtrack.envs.layout import action_names, feature_names
 from tagtrack.envs.motions.tracks import read_tracks
 from tagtrack.envs.scenario import SCENARIOS
 from tagtrack.eval.aggregate import print_aggregate, ratio_of, read_benchmark
-from tagtrack.eval.benchmark import read_curve
+from tagtrack.eval.benchmark_pictures import read_curve
 from tagtrack.eval.field.array.sound import read_sound_speed
 from tagtrack.eval.field.tag_clock.arrivals import read_arrivals
 from tagtrack.eval.field.telemetry import read_detections, read_receivers, read_reference
