@@ -57,6 +57,18 @@ for _id, _entry_point in _TASKS.items() if registry is not None else ():
             kwargs={"env_id": _id},
         )
 
+# Workers that a fork server starts know the ids as their parent does: Gymnasium reads no entry points, and the names of ids that
+# others hand to workers (make_vec_env of Stable-Baselines3) import nothing. Spawned ones need "tagtrack:" before the id.
+if registry is not None:
+    try:
+        from multiprocessing.forkserver import _forkserver, set_forkserver_preload  # type: ignore[attr-defined]
+    except ImportError:  # there is none on Windows
+        pass
+    else:
+        _preloaded = list(getattr(_forkserver, "_preload_modules", ["__main__"]))
+        if __name__ not in _preloaded:
+            set_forkserver_preload([*_preloaded, __name__])
+
 # Fleets, for pettingzoo.make("parallel", id, vehicles=3) and ("aec", id): id -> the task it is of.
 _FLEETS = {
     "tagtrack/leopard_shark_v0": "TagTrack/LeopardShark-v0",

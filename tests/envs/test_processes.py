@@ -115,3 +115,30 @@ def test_joblib_and_spawned_processes_take_a_simulation() -> None:
 
 def _step(env: TagTrackVectorEnv, actions: np.ndarray) -> np.ndarray:
     return env.step(actions)[0]
+
+
+WORKERS = """
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import SubprocVecEnv
+
+if __name__ == "__main__":  # what is imported here, workers do not import
+    import tagtrack
+
+    options = {"start_method": "forkserver"}
+    make_vec_env("TagTrack/LeopardShark-v0", 2, vec_env_cls=SubprocVecEnv, vec_env_kwargs=options).close()
+    print("made")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork server")
+def test_workers_of_a_fork_server_know_the_ids_of_their_parent(tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(WORKERS, encoding="utf-8")
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "made\n", done.stderr
+
+
+def test_modules_that_a_user_lets_the_fork_server_import_stay() -> None:
+    code = "import multiprocessing.forkserver as f; f.set_forkserver_preload(['json']); import tagtrack; "
+    code += "print(f._forkserver._preload_modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "['json', 'tagtrack']\n", done.stderr
