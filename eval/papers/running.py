@@ -26,7 +26,10 @@ def title_of(experiment: Experiment) -> str:
 def run_experiments(
     chosen: Sequence[Experiment], setting: Setting, advance: Advance, processes: int = 1
 ) -> Mapping[Experiment, Taken]:
-    """What each experiment found; with several ``processes`` each runs in one, on the setting's threads: the last has all cores."""
+    """What each experiment found; with several ``processes`` each runs in one.
+
+    All have the setting's threads, so that the last one has all cores.
+    """
     if processes == 1 or len(chosen) == 1:
         return {each: _timed(each, replace(setting, advance=_bind(advance, title_of(each)))) for each in chosen}
     context = get_context("spawn")  # a fork would copy locks of threads that it does not have
