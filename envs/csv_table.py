@@ -66,7 +66,7 @@ def printable_name(text: str, column: str) -> str:
         ValueError: if it is empty, or holds control characters or bytes that are not UTF-8.
     """
     name = text.strip()
-    if name.startswith(tuple("'" + mark for mark in _FORMULA)):
+    if name.startswith("'") and _is_formula(name):
         name = name[1:]  # as ``name_cell`` wrote it
     if not name:
         raise ValueError(f"{column} must not be empty")
@@ -77,7 +77,12 @@ def printable_name(text: str, column: str) -> str:
 
 def name_cell(name: str) -> str:
     """A name as it is written into a csv file: no spreadsheet takes it for a formula. ``printable_name`` reads it back."""
-    return f"'{name}" if name.startswith(_FORMULA) else name
+    return f"'{name}" if _is_formula(name) else name
+
+
+def _is_formula(name: str) -> bool:
+    """Whether a spreadsheet would take it for one, or it looks like one that was kept from being one."""
+    return name.lstrip("'").startswith(_FORMULA)
 
 
 def name_field(name: str) -> str:

@@ -197,7 +197,7 @@ def test_measurements_that_come_too_late_are_counted_not_used() -> None:
         ({"modem.slot": 0.0}, "TdmaModem.slot must be positive and at most 3600, got 0.0"),
         ({"modem.slots": 10**9}, "TdmaModem.slots must be a whole number from 0 to 1000, got 1000000000"),
         ({"modem.packet_bytes": 10**6}, "TdmaModem.packet_bytes must be a whole number from 1 to 10000"),
-        ({"modem.largest_range": 1e9}, "TdmaModem.largest_range must be positive and at most 100000"),
+        ({"modem.largest_range": 5e5}, "TdmaModem.largest_range must be positive and at most 100000"),
         ({"modem": "smoke"}, "modem must be one of perfect, none, instant, tdma, or MODULE:CLASS"),
         ({"modem": "none", "message_control": True}, "Scenario.message_control is about messages, and a NoModem sends none"),
         ({"modem": "perfect", "reward.message": 0.1}, "Scenario.reward.message is about messages, and a PerfectModem sends none"),

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from tagtrack.envs.csv_table import name_cell
 from tagtrack.eval.field import telemetry
 from tagtrack.eval.field.array.reading import fit_names
 from tagtrack.eval.field.static_array.detections import Detections
@@ -213,7 +214,8 @@ ROWS = st.lists(st.tuples(st.floats(0, 9e10), NAMES, NAMES), min_size=1, max_siz
 @given(rows=ROWS, line_end=st.sampled_from(["\n", "\r\n"]), bom=st.booleans(), packed=st.booleans(), repeat=st.booleans())
 def test_any_table_is_read_as_the_set_of_its_rows(tmp_path, rows, line_end, bom, packed, repeat):
     text = io.StringIO()
-    csv.writer(text, lineterminator=line_end).writerows([HEAD.strip().split(","), *rows, *(rows if repeat else [])])
+    written = [(time, name_cell(receiver), name_cell(tag)) for time, receiver, tag in rows]
+    csv.writer(text, lineterminator=line_end).writerows([HEAD.strip().split(","), *written, *(written if repeat else [])])
     content = text.getvalue().encode("utf-8-sig" if bom else "utf-8")
     path = tmp_path / "a.csv"
     path.write_bytes(gzip.compress(content) if packed else content)
