@@ -81,7 +81,7 @@ def test_numbers_do_not_depend_on_the_batch_and_a_single_episode_is_the_same(tas
 
 
 def test_a_task_without_a_ping_leaves_the_fish_in_the_middle():
-    task = build_task("LeopardShark-v0", overrides={"episode_steps": 3, "tag.period": 1e9})
+    task = build_task("LeopardShark-v0", overrides={"episode_steps": 3, "tag.period": 1e6})
     traced = StaticArray().trace(task, Episodes(count=2, seed=0))
     np.testing.assert_array_equal(traced.estimate, 0.0)
 

@@ -58,7 +58,7 @@ def test_sensor_and_reward_reach_the_scenario_and_the_record(own_modules: None, 
     config = json.loads((tmp_path / "run/config.json").read_text())
     scenario = config["scenario"]
     assert scenario["receiver"]["kind"] == scenario["belief"]["receiver"]["kind"] == "KnownSide"
-    assert scenario["reward"]["own"]["hug"] == {"weight": 0.5, "kind": "Hug"}
+    assert scenario["reward"]["own"]["hug"] == {"weight": 0.5, "kind": "Hug", "module": "own_reward"}
     assert {*sensor, *reward} <= set(config["set"])  # with their modules: from this the run can be made again
     assert train("--config", "run/config.json", "--out", "again")[0] == 0
     again, run = ((tmp_path / name / "policy.safetensors").read_bytes() for name in ("again", "run"))
