@@ -15,7 +15,7 @@ from tagtrack.envs.belief.filter import ParticleFilter
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.tag import Tag
 
-TOGETHER = 16  # trials that run side by side: their particles stay in the cache
+TOGETHER = 128  # trials that run side by side: of fewer, calls from Python cost more than particles do
 
 
 @dataclass(frozen=True, kw_only=True)

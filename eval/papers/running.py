@@ -26,15 +26,12 @@ def title_of(experiment: Experiment) -> str:
 def run_experiments(
     chosen: Sequence[Experiment], setting: Setting, advance: Advance, processes: int = 1
 ) -> Mapping[Experiment, Taken]:
-    """What each experiment found; with several ``processes`` each runs in one.
-
-    All have the setting's threads, so that the last one has all cores.
-    """
+    """What each experiment found; with several ``processes`` each runs in one, on one thread."""
     if processes == 1 or len(chosen) == 1:
         return {each: _timed(each, replace(setting, advance=_bind(advance, title_of(each)))) for each in chosen}
     context = get_context("spawn")  # a fork would copy locks of threads that it does not have
     reports = context.SimpleQueue()
-    plain = replace(setting, advance=print)  # what can be sent: the process reports in its own way
+    plain = replace(setting, threads=1, advance=print)  # what can be sent: the process reports in its own way
     with ProcessPoolExecutor(min(processes, len(chosen)), context, _begin, (reports,)) as pool:
         running: dict[Experiment, Future[Taken]] = {
             each: pool.submit(_run_there, each.paper, each.table, plain) for each in chosen
