@@ -9,7 +9,7 @@ from pathlib import Path
 import tagtrack
 from tagtrack.envs.task import build_task
 from tagtrack.eval.options import TaskOptions
-from tagtrack.eval.rivals import rivals_of
+from tagtrack.eval.rivals import best_of, rivals_of
 from tagtrack.eval.video import Video
 from tagtrack.policies.box import LEARNED, boxed_policy
 
@@ -21,7 +21,7 @@ LONG = {"AreaOnly-v0": 240, "AreaOnlyUnknownRange-v0": 240, "RangeOnly-v0": 180,
 def panels(env_id: str) -> tuple[str, str]:
     """The best heuristic and the policy of the package; where there is none, the paper's controller and the best heuristic."""
     task = build_task(env_id)
-    first, *_, best = rivals_of(task)
+    first, best = rivals_of(task)[0], best_of(task)
     try:
         boxed_policy(task.env_id, vehicles=task.scenario.vehicles, tags=task.scenario.targets)
     except ValueError:

@@ -1,4 +1,4 @@
-"""`python -m eval minari`: data sets for offline learning in Minari's format, of any id and policy, on this disk alone.
+"""`tagtrack eval minari`: data sets for offline learning in Minari's format, of any id and policy, on this disk alone.
 
 An episode holds observations, actions, rewards and all that the infos tell, the localization error among them.
 """
@@ -22,7 +22,7 @@ from tagtrack.envs.task import build_task, full_id
 from tagtrack.envs.vector import TagTrackVectorEnv
 from tagtrack.eval.contestants import find_makers
 from tagtrack.eval.options import EpisodeOptions
-from tagtrack.eval.rivals import rivals_of
+from tagtrack.eval.rivals import best_of
 from tagtrack.eval.rollout import Localizer, PolicyMaker, SeedBlock, block_seed
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Minari:
     envs: Annotated[tuple[str, ...], tyro.conf.arg(metavar="ID ...", help_behavior_hint="(all)")] = ()
     """Environment ids, with or without `TagTrack/`."""
     policies: Annotated[tuple[str, ...], tyro.conf.arg(metavar="POLICY ...")] = (HEURISTIC, "learned", "random")
-    """heuristic is the controller that ratios of a benchmark are to; learned comes with the package; else as for benchmark."""
+    """heuristic is each task's best; learned comes with the package; else as for benchmark."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=32))
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("runs/minari")
     """Folder of the data sets."""
@@ -94,7 +94,7 @@ def _plain_name(policy: str) -> str:
 def find_policy(policy: str, env_id: str) -> tuple[str, PolicyMaker]:
     """What a policy is in a task, and its maker. Raises ValueError for one that is unknown or steers no vehicle."""
     task = build_task(env_id)
-    spec = rivals_of(task)[0] if policy == HEURISTIC else policy
+    spec = best_of(task) if policy == HEURISTIC else policy
     maker = find_makers({spec: spec}, task, env_id)[spec]
     if isinstance(maker, Localizer):
         raise ValueError(f"{spec} steers no vehicle, so there are no actions to record")

@@ -20,7 +20,7 @@ from tagtrack.eval.metrics import Runs, ratio_estimate
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, interval_cell, signed_cell, write_json
 from tagtrack.eval.results_folder import default_folder
-from tagtrack.eval.rivals import rivals_of
+from tagtrack.eval.rivals import best_of, rivals_of
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.comparisons import geometric_mean
 from tagtrack.eval.statistics.estimate import Estimate, Interval
@@ -77,6 +77,9 @@ def run_suite(asked: Suite) -> None:
     for name in names:
         if not any(name in found for found in makers.values()):
             raise ValueError(f"{name} plays none of the tasks: {_reason(name, names, tasks[0], built[tasks[0]], asked.trust)}")
+    for task, found in makers.items():
+        for name in set(names) - set(found):
+            print(f"note: {name} does not play {task.name}: {_reason(name, names, task, built[task], asked.trust)}")
     episodes = QUICK if asked.quick else EPISODES
     ratios: dict[str, dict[str, Estimate]] = {name: {} for name in (PAPER, *names, LEARNED)}
     total = sum(episodes * built[task].scenario.episode_steps * _count(found) for task, found in makers.items())
@@ -132,7 +135,7 @@ def players(task: SuiteTask, built: Task, names: Mapping[str, str], *, trust: bo
 
 
 def _maker(name: str, spec: str, task: SuiteTask, built: Task, trust: bool) -> Any:
-    spec = rivals_of(built)[-1] if spec == HEURISTIC else spec.replace("{task}", task.name)
+    spec = best_of(built) if spec == HEURISTIC else spec.replace("{task}", task.name)
     (made,) = make_groups(name_groups([spec]), built, built.env_id, trust=trust).values()
     return made
 

@@ -137,8 +137,9 @@ class TagTrackVecEnv(VecEnv):
             reward += self._count(~ended)
             just_ended = self._has_ended() & ~ended
             if just_ended.any():
+                told = tell_vehicles(simulation)
                 for world in np.flatnonzero(just_ended).tolist():
-                    self._report(world, infos)
+                    self._report(world, told, infos)
                 ended |= just_ended
                 if ended.all():
                     break
@@ -176,9 +177,9 @@ class TagTrackVecEnv(VecEnv):
         for sums in (self._return, self._error, self._length):
             sums[worlds] = 0
 
-    def _report(self, world: int, infos: list[dict[str, Any]]) -> None:
+    def _report(self, world: int, told: dict[str, np.ndarray], infos: list[dict[str, Any]]) -> None:
         """Fill the infos of a world whose episode has just ended."""
-        vehicles, told = self._return.shape[1], tell_vehicles(self.simulation)
+        vehicles = self._return.shape[1]
         for v in range(vehicles):
             length = int(self._length[world, v])
             episode = {

@@ -48,4 +48,4 @@ def test_missing_minari_names_the_extra(
 def test_receivers_on_moorings_have_no_actions_to_record() -> None:
     with pytest.raises(ValueError, match="static_array:200 steers no vehicle"):
         find_policy("static_array:200", "TagTrack/LeopardShark-v0")
-    assert gym.spec("TagTrack/LeopardShark-v0") and find_policy("heuristic", "TagTrack/RangeOnly-v0")[0] == "three_step"
+    assert gym.spec("TagTrack/LeopardShark-v0") and find_policy("heuristic", "TagTrack/RangeOnly-v0")[0] == "circle:40"

@@ -13,6 +13,7 @@ from tagtrack.eval import suite_run
 from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.statistics.estimate import Estimate
 from tagtrack.eval.suite_run import TASKS, cost_of, name_policies, overall, players, score, suite_document
+from tagtrack.policies.box import BOX
 
 
 def ratio(value: float, error: float = 0.1) -> Estimate:
@@ -64,6 +65,13 @@ def test_file_holds_what_the_leaderboard_is_made_from(evaluate, tmp_path, monkey
     assert document["policies"]["learned"]["score"]["value"] == pytest.approx(1)
     assert document["command"].startswith("tagtrack eval suite --policies heuristic pursuit --tasks LeopardShark-v0 --quick")
     assert document["tasks"] == [{"name": "LeopardShark-v0", "paper": "three_step"}]
+
+
+def test_tasks_that_a_policy_does_not_play_are_told_with_the_reason(evaluate, tmp_path, monkeypatch):
+    monkeypatch.setattr(suite_run, "QUICK", 2)
+    words = ("--quick", "--tasks", "LeopardShark-v0", "LeopardShark-2x4", "--policies", "circle", f"one={BOX / 'LeopardShark'}")
+    status, out, _ = evaluate("suite", *words, "--out", tmp_path / "suite.json")
+    assert status == 0 and "note: one does not play LeopardShark-2x4: " in out and out.count("does not play") == 1
 
 
 @pytest.mark.parametrize(
