@@ -11,6 +11,7 @@ from typing import Annotated
 
 import tyro
 
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.whole_number import WholeNumber
 
@@ -34,6 +35,7 @@ class Benchmark:
     my_module:MyController is a controller of your own (a class of heuristics, or what makes a policy for a simulation).
     static_array:200 stands for four moored receivers on a square of 200 m (as without a number), which locate every ping."""
     trial: EpisodeOptions = field(default_factory=EpisodeOptions)
+    engine: EngineOptions = field(default_factory=EngineOptions)
     trust: bool = False
     """Load models of Stable-Baselines3 (model.zip) among --policies, which runs the code in them."""
     from_step: WholeNumber = 0

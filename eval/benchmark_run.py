@@ -12,6 +12,7 @@ from tagtrack.envs.task import Task
 from tagtrack.eval.benchmark import OWN_FILES, Benchmark
 from tagtrack.eval.benchmark_logs import Makers, require_logs, write_logs
 from tagtrack.eval.benchmark_pictures import draw_errors, draw_learning, draw_tracks, film_of, illustrations
+from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.command_line import command_line
 from tagtrack.eval.comparison import Comparison, compare
 from tagtrack.eval.contestants import each_run, make_groups, name_groups
@@ -28,6 +29,7 @@ from tagtrack.eval.versions import collect_versions
 def run_benchmark(asked: Benchmark) -> None:
     """Compare, print the table, write the folder."""
     asked.trial.check()
+    asked.engine.check()
     task, env_id = asked.task.build(), asked.task.env_id
     specs = name_groups(asked.policies or rivals_of(task))
     metrics = {text.rpartition(":")[2]: import_object(text) for text in asked.metrics}
@@ -40,16 +42,17 @@ def run_benchmark(asked: Benchmark) -> None:
     if asked.record:
         require_logs(out, makers)
     require_replaceable(out, OWN_FILES, "benchmark")
-    comparison = compare_all(asked, task, makers, metrics)
-    rich.print(console_table(comparison.document({})))  # before it is written: a full disk must not cost the result
-    write_results(out, asked, comparison, makers, specs)
-    if asked.record:
-        options = asked.task.make_options()
-        write_logs(out, makers, task, episodes=asked.record, seed=asked.trial.seed, asked=options)
+    with asked.engine.open() as engine:
+        comparison = compare_all(asked, task, makers, metrics, engine)
+        rich.print(console_table(comparison.document({})))  # before it is written: a full disk must not cost the result
+        write_results(out, asked, comparison, makers, specs)
+        if asked.record:
+            options = asked.task.make_options()
+            write_logs(out, makers, task, episodes=asked.record, seed=asked.trial.seed, asked=options)
     print(f"written: {out}")
 
 
-def compare_all(asked: Benchmark, task: Task, makers: Makers, metrics: dict[str, Metric]) -> Comparison:
+def compare_all(asked: Benchmark, task: Task, makers: Makers, metrics: dict[str, Metric], engine: Engine) -> Comparison:
     """All policies over the episodes, with a progress bar."""
     env_id, trial = asked.task.env_id, asked.trial
     with progress_bar(len(each_run(makers)) * trial.episodes * task.scenario.episode_steps) as advance:
@@ -62,6 +65,7 @@ def compare_all(asked: Benchmark, task: Task, makers: Makers, metrics: dict[str,
             from_step=asked.from_step,
             metrics=metrics,
             env_id=f"{env_id} ({asked.task.preset})" if asked.task.preset else env_id,
+            engine=engine,
             on_step=advance,
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,19 +12,19 @@ import numpy as np
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import Task, build_task, full_id
+from tagtrack.eval.cells.engine import Advance, Engine
 from tagtrack.eval.contestants import PolicySpec, find_makers, name_groups
 from tagtrack.eval.episode_record import EpisodeRecord, pool
 from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.fleet_metrics import summarize_fleet
 from tagtrack.eval.metrics import Metric, Runs, compare_runs, measure, summarize, summarize_runs
 from tagtrack.eval.report import Document, benchmark_document
-from tagtrack.eval.rollout import SeedBlock, block_seed, cluster_episodes, roll_out
+from tagtrack.eval.rollout import SeedBlock, block_seed, cells_of, cluster_episodes, join_parts
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.clusters import Clusters
 from tagtrack.eval.statistics.comparisons import holm
 from tagtrack.eval.statistics.estimate import Interval
 
-OnStep = Callable[[str, int], None]  # name of the policy, env steps just done
 Named = Mapping[str, PolicySpec | Mapping[str, PolicySpec]]  # policies by name; of a training, runs by theirs
 
 
@@ -103,7 +103,8 @@ def compare(
     metrics: Mapping[str, Metric] | None = None,
     bootstrap: Bootstrap | None = None,
     env_id: str = "custom",
-    on_step: OnStep | None = None,
+    engine: Engine | None = None,
+    on_step: Advance | None = None,
 ) -> Comparison:
     """Run policies over the same episodes and set them side by side.
 
@@ -116,7 +117,9 @@ def compare(
             (``"static_array:200"``) or another ``Localizer``; or a mapping of such things, the runs of one training, which are
             one row together. Of specs and folders a sequence will do: they go by the names that ``name_groups`` gives them
             (``"learned=runs/seed0,runs/seed1"``).
-        episodes: E. seed: of the first episode within its ``block``. threads, batch: change the speed, not the results.
+        episodes: E. seed: of the first episode within its ``block``.
+        threads, batch, engine: change the speed, not the results. A batch of a policy's episodes is a part of the work; the
+            engine runs the parts here, in other processes, or on a cluster (``tagtrack.eval.Engine``).
         particles: of the belief, instead of the task's.
         from_step: what comes before it is left out of all figures.
         perimeter: for ``inside_perimeter`` [m]; None: the scenario's, if it has one.
@@ -125,7 +128,7 @@ def compare(
         on_step: called with the policy's name and the number of env steps just done, for progress bars.
     Raises:
         ValueError: for a ``from_step`` outside the episode, a group without runs, a metric of another shape.
-        ValueError, FileNotFoundError: as ``find_makers`` does.
+        ValueError, FileNotFoundError: as ``find_makers`` does. What ``Engine.run`` raises.
     """
     task, env_id = (build_task(env), full_id(env)) if isinstance(env, str) else (env, env_id)
     if particles is not None:
@@ -138,9 +141,12 @@ def compare(
     first = block_seed(block, seed)
     _try_metrics(metrics or {}, episodes)
     found: dict[str, dict[str, EpisodeRecord]] = {name: {} for name in runs}
-    for (name, run), maker in makers.items():
-        tell = None if on_step is None else _bind(on_step, run or name)
-        whole = roll_out(task, maker, episodes=episodes, seed=first, threads=threads, batch=batch, on_step=tell)
+    cells = {
+        (name, run): cells_of(run or name, task, maker, episodes=episodes, seed=first, threads=threads, batch=batch)
+        for (name, run), maker in makers.items()
+    }
+    done = (engine or Engine()).run([cell for parts in cells.values() for cell in parts], on_step)
+    for (name, run), whole in join_parts(cells, done).items():
         found[name][run] = whole.from_step(from_step)
     clusters = cluster_episodes(task, Episodes(count=episodes, seed=first, batch=batch))
     bootstrap = replace(bootstrap or Bootstrap(), clusters=clusters)
@@ -201,10 +207,6 @@ def describe_fleet(scenario: Scenario) -> dict[str, Any] | None:
         return None
     modem = scenario.modem.name or type(scenario.modem).__name__
     return {"vehicles": scenario.vehicles, "tags": scenario.targets, "modem": modem}
-
-
-def _bind(on_step: OnStep, name: str) -> Callable[[int], None]:
-    return lambda steps: on_step(name, steps)
 
 
 def typical_episodes(comparison: Comparison) -> dict[str, int]:

@@ -10,6 +10,7 @@ import dataclasses
 import os
 import re
 from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -140,7 +141,7 @@ def _find_maker(spec: PolicySpec, task: Task, env_id: str, *, trust: bool) -> Co
                 raise ValueError(f"loading {spec}, of Stable-Baselines3, runs the code that is in it; {way}")
             return _always(load_zip(Path(spec), task.scenario))
         if isinstance(spec, str) and is_baseline(spec):
-            return lambda simulation: make_baseline(spec, simulation)
+            return partial(make_baseline, spec)
         if isinstance(spec, str) and is_static_array(spec):
             return read_static_array(spec)
         if isinstance(spec, str) and _is_object(spec):
@@ -156,7 +157,11 @@ def _find_maker(spec: PolicySpec, task: Task, env_id: str, *, trust: bool) -> Co
 
 
 def _always(policy: Policy) -> PolicyMaker:
-    return lambda batch: policy
+    return partial(_given, policy)  # makers travel to other processes, where functions within functions cannot go
+
+
+def _given(policy: Policy, simulation: Simulation) -> Policy:
+    return policy
 
 
 def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
@@ -198,21 +203,23 @@ def _maker_of(found: Any, spec: str) -> Contestant:
     if not callable(found):
         raise ValueError(f"{spec} is no policy: it must be a class of heuristics, a function of a Simulation, or have predict")
 
-    def make(simulation: Simulation) -> Policy:
-        try:
-            if is_class and issubclass(found, InformedHeuristic):
-                policy = found(simulation=simulation)
-            elif is_class and issubclass(found, Heuristic):
-                policy = found(scenario=simulation.scenario)
-            else:
-                policy = found(simulation)
-        except TypeError as error:
-            raise ValueError(f"{spec} cannot be made for a simulation: {error}") from error
-        if not hasattr(policy, "predict"):
-            raise ValueError(f"{spec} makes a {type(policy).__name__}, which has no predict")
-        return policy
+    return partial(_make_own, found, spec)
 
-    return make
+
+def _make_own(found: Any, spec: str, simulation: Simulation) -> Policy:
+    policy: Policy
+    try:
+        if isinstance(found, type) and issubclass(found, InformedHeuristic):
+            policy = found(simulation=simulation)
+        elif isinstance(found, type) and issubclass(found, Heuristic):
+            policy = found(scenario=simulation.scenario)
+        else:
+            policy = found(simulation)
+    except TypeError as error:
+        raise ValueError(f"{spec} cannot be made for a simulation: {error}") from error
+    if not hasattr(policy, "predict"):
+        raise ValueError(f"{spec} makes a {type(policy).__name__}, which has no predict")
+    return policy
 
 
 def is_baseline(spec: str) -> bool:

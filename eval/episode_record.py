@@ -76,6 +76,24 @@ class EpisodeRecord:
         )
 
 
+def join(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
+    """One policy's episodes, which were run in several parts."""
+    if len(records) == 1:
+        return records[0]
+    fleets = [record.fleet for record in records if record.fleet is not None]
+    return EpisodeRecord(
+        error=np.concatenate([record.error for record in records]),
+        range=_join([record.range for record in records]),
+        reward=_join([record.reward for record in records]),
+        fleet=_concatenate(fleets, axis=0) if fleets else None,
+    )
+
+
+def _join(parts: Sequence[Floats | None]) -> Floats | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if known else None
+
+
 def pool(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
     """Several policies in the same episodes as one record of E episodes with all their steps: each weighs the same."""
     ranges = [record.range for record in records if record.range is not None]
@@ -83,16 +101,17 @@ def pool(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
     return EpisodeRecord(
         error=np.concatenate([record.error for record in records], axis=1),
         range=np.concatenate(ranges, axis=1) if len(ranges) == len(records) else None,
-        fleet=_pool_fleets(fleets) if fleets and len(fleets) == len(records) else None,
+        fleet=_concatenate(fleets, axis=1) if fleets and len(fleets) == len(records) else None,
     )
 
 
-def _pool_fleets(fleets: Sequence[FleetRecord]) -> FleetRecord:
+def _concatenate(fleets: Sequence[FleetRecord], *, axis: int) -> FleetRecord:
+    """More episodes (axis 0) or more steps of each (axis 1)."""
     return FleetRecord(
         time_step=fleets[0].time_step,
-        tag_error=np.concatenate([fleet.tag_error for fleet in fleets], axis=1),
-        encroachments=np.concatenate([fleet.encroachments for fleet in fleets], axis=1),
-        messages=np.concatenate([fleet.messages for fleet in fleets], axis=1),
+        tag_error=np.concatenate([fleet.tag_error for fleet in fleets], axis=axis),
+        encroachments=np.concatenate([fleet.encroachments for fleet in fleets], axis=axis),
+        messages=np.concatenate([fleet.messages for fleet in fleets], axis=axis),
     )
 
 

@@ -13,6 +13,8 @@ import tyro
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.sim.modem import TdmaModem
 from tagtrack.envs.task import Task
+from tagtrack.eval.cells.engine import Engine
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.comparison import compare
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.plots import empty_figure, error_bars, save_figure
@@ -45,15 +47,17 @@ class Messages:
     slots: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...")] = (1, 2, 5, 10, 20, 60)
     """Lengths of a slot [s]."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=128))
+    engine: EngineOptions = field(default_factory=EngineOptions)
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/messages-ID-TIME)")] = None
     """Folder to write; an earlier one of this command is replaced."""
 
     def run(self) -> None:
         """Run it."""
         self.trial.check()
+        self.engine.check()
         if not (self.losses and self.slots):
             raise ValueError("name at least one of --losses and one of --slots")
-        task, env_id, trial = self.task.build(), self.task.env_id, self.trial
+        task, env_id = self.task.build(), self.task.env_id
         if not isinstance(task.scenario.modem, TdmaModem):
             raise ValueError(f"--modem {self.task.modem} talks in no slots, which this command varies; drop it")
         if task.scenario.vehicles < 2:
@@ -61,28 +65,36 @@ class Messages:
         out = self.out or default_folder("messages", env_id)
         require_replaceable(out, OWN_FILES, "sweep of messages")
         variants = self.variants()
+        with self.engine.open() as engine:
+            found = self.sweep(task, variants, engine)
+            fleet = {"vehicles": task.scenario.vehicles, "tags": task.scenario.targets}
+            document = self.document(found, {**self.task.describe(task), **fleet, "versions": collect_versions()})
+            table = message_rows(document)
+            rich.print(as_console_table(*table))
+            with replace_results(out, OWN_FILES) as folder:
+                write_json(folder / "messages.json", document)
+                write_text(folder / "messages.md", as_markdown(*table))
+                save_figure(folder / "messages.png", plot_messages(found, self.losses, self.slots))
+        print(f"written: {out}")
+
+    def sweep(self, task: Task, variants: Mapping[str, Mapping[str, Any]], engine: Engine) -> Points:
+        """The figures of each fleet."""
         found: Points = {}
+        trial = self.trial
         with progress_bar(len(variants) * trial.episodes * task.scenario.episode_steps) as advance:
             for label, changes in variants.items():
                 comparison = compare(
-                    Task(with_overrides(task.scenario, changes), task.tracks, task.tracks_file, task.env_id),
+                    task._replace(scenario=with_overrides(task.scenario, changes)),
                     {label: self.policy},
                     episodes=trial.episodes,
                     seed=trial.seed,
                     threads=trial.threads,
-                    env_id=env_id,
+                    env_id=self.task.env_id,
+                    engine=engine,
                     on_step=advance,
                 )
                 found[label] = comparison.summaries[label]
-        fleet = {"vehicles": task.scenario.vehicles, "tags": task.scenario.targets}
-        document = self.document(found, {**self.task.describe(task), **fleet, "versions": collect_versions()})
-        table = message_rows(document)
-        rich.print(as_console_table(*table))
-        with replace_results(out, OWN_FILES) as folder:
-            write_json(folder / "messages.json", document)
-            write_text(folder / "messages.md", as_markdown(*table))
-            save_figure(folder / "messages.png", plot_messages(found, self.losses, self.slots))
-        print(f"written: {out}")
+        return found
 
     def variants(self) -> dict[str, dict[str, Any]]:
         """The fleets to compare, as overrides by their labels."""

@@ -6,9 +6,9 @@ The blocks of seeds of training, validation, tuning and benchmarks never meet: e
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -16,13 +16,15 @@ from tagtrack.envs.motions.replay import START_ROW, Replay, find_stretches, make
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
-from tagtrack.eval.episode_record import EpisodeRecord
+from tagtrack.eval.cells.cell import Cell, Done
+from tagtrack.eval.episode_record import EpisodeRecord, join
 from tagtrack.eval.episodes import Episodes
 from tagtrack.eval.statistics.clusters import Clusters, cluster_windows
 from tagtrack.eval.step_log import EpisodeLog
 from tagtrack.policies.protocol import Policy
 
 PolicyMaker = Callable[[Simulation], Policy]
+Key = TypeVar("Key", bound=Hashable)
 
 
 class SeedBlock(enum.IntEnum):
@@ -108,6 +110,33 @@ def roll_out(
     if isinstance(contestant, Localizer):
         return contestant.trace(task, chosen).record
     return _run(task, contestant, chosen, traced=False).record()
+
+
+def cells_of(
+    name: str, task: Task, contestant: Contestant, *, episodes: int, seed: int, threads: int = 1, batch: int = 128
+) -> list[Cell]:
+    """``roll_out`` cut into its batches, whose records ``episode_record.join`` joins."""
+    return [
+        Cell(
+            name=name,
+            function=_roll_out_batch,
+            arguments=(task, contestant, min(batch, episodes - first), seed + first, threads),
+            units=min(batch, episodes - first) * task.scenario.episode_steps,
+        )
+        for first in range(0, episodes, batch)
+    ]
+
+
+def _roll_out_batch(
+    task: Task, contestant: Contestant, episodes: int, seed: int, threads: int, *, tell: Callable[[int], None]
+) -> EpisodeRecord:
+    return roll_out(task, contestant, episodes=episodes, seed=seed, threads=threads, batch=episodes, on_step=tell)
+
+
+def join_parts(cells: Mapping[Key, Sequence[Cell]], done: Sequence[Done]) -> dict[Key, EpisodeRecord]:
+    """Whole records from what an engine made of the cells that ``cells_of`` gave for several contestants, one after the other."""
+    each = iter(done)
+    return {key: join([next(each).value for _ in parts]) for key, parts in cells.items()}
 
 
 def trace(

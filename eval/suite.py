@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.whole_number import WholeNumber
 
 
@@ -30,6 +31,7 @@ class Suite:
     """16 episodes of each, to see it run."""
     threads: WholeNumber = 1
     """Threads of the simulation; results do not depend on them."""
+    engine: EngineOptions = field(default_factory=EngineOptions)
     trust: bool = False
     """Load models of Stable-Baselines3 (model.zip), which runs the code in them."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(runs/suite-TIME.json)")] = None

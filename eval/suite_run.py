@@ -12,8 +12,9 @@ import numpy as np
 import rich
 
 from tagtrack.envs.task import Task, build_task
+from tagtrack.eval.cells.cell import Cell
+from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.command_line import command_line
-from tagtrack.eval.comparison import compare
 from tagtrack.eval.contestants import GROUP, make_groups, name_groups
 from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.metrics import Runs, ratio_estimate
@@ -21,6 +22,7 @@ from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import as_console_table, interval_cell, signed_cell, write_json
 from tagtrack.eval.results_folder import default_folder
 from tagtrack.eval.rivals import best_of, rivals_of
+from tagtrack.eval.rollout import SeedBlock, block_seed, cells_of, join_parts
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.comparisons import geometric_mean
 from tagtrack.eval.statistics.estimate import Estimate, Interval
@@ -69,6 +71,7 @@ def run_suite(asked: Suite) -> None:
     """Run, print the table, write the file."""
     tasks = choose_tasks(asked.tasks)
     require_writable_file(asked.out)
+    asked.engine.check()
     if asked.threads < 1:
         raise ValueError(f"--threads must be at least 1, got {asked.threads}")
     names = name_policies(asked.policies)
@@ -81,18 +84,43 @@ def run_suite(asked: Suite) -> None:
         for name in set(names) - set(found):
             print(f"note: {name} does not play {task.name}: {_reason(name, names, task, built[task], asked.trust)}")
     episodes = QUICK if asked.quick else EPISODES
-    ratios: dict[str, dict[str, Estimate]] = {name: {} for name in (PAPER, *names, LEARNED)}
-    total = sum(episodes * built[task].scenario.episode_steps * _count(found) for task, found in makers.items())
-    with progress_bar(total) as advance:
-        for task, found in makers.items():
-            for name, ratio in play(built[task], found, episodes=episodes, threads=asked.threads, advance=advance).items():
-                ratios[name][task.name] = ratio
-    document = suite_document(tasks, built, ratios, episodes=episodes, command=command_line("suite", asked))
-    print_suite(document)
-    path = asked.out or (folder := default_folder("suite", "")).with_name(f"{folder.name.replace('--', '-')}.json")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, document | {"versions": collect_versions()})
+    cells = {
+        (task, name, run): cells_of(
+            f"{task.name}: {run or name}", built[task], maker, episodes=episodes, seed=block_seed(SeedBlock.BENCHMARK, SEED),
+            threads=asked.threads,
+        )
+        for task, found in makers.items()
+        for name, each in found.items()
+        for run, maker in (each if isinstance(each, dict) else {"": each}).items()
+    }  # fmt: skip
+    with asked.engine.open() as engine:
+        ratios, seconds = play(cells, engine)
+        document = suite_document(tasks, built, ratios, episodes=episodes, command=command_line("suite", asked))
+        print_suite(document)
+        path = asked.out or (folder := default_folder("suite", "")).with_name(f"{folder.name.replace('--', '-')}.json")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json(path, document | {"core_seconds": seconds, "versions": collect_versions()})
     print(f"written: {path}")
+
+
+def play(
+    cells: Mapping[tuple[SuiteTask, str, str], Sequence[Cell]], engine: Engine
+) -> tuple[dict[str, dict[str, Estimate]], dict[str, list[float]]]:
+    """By policy and task, the cost of the paper's controller over its own; and the seconds that the parts of each task took."""
+    parts = [(task, cell) for (task, _, _), each in cells.items() for cell in each]
+    with progress_bar(sum(cell.units for _, cell in parts)) as advance:
+        done = engine.run([cell for _, cell in parts], advance)
+    seconds: dict[str, list[float]] = {}
+    for (task, _), one in zip(parts, done, strict=True):
+        seconds.setdefault(task.name, []).append(round(one.seconds, 2))
+    costs: dict[SuiteTask, dict[str, list[EpisodeRecord]]] = {}
+    for (task, name, _), record in join_parts(cells, done).items():
+        costs.setdefault(task, {}).setdefault(name, []).append(cost_of(record))
+    ratios: dict[str, dict[str, Estimate]] = {}
+    for task, runs in costs.items():
+        for name, ratio in cost_ratios(runs).items():
+            ratios.setdefault(name, {})[task.name] = ratio
+    return ratios, seconds
 
 
 def choose_tasks(names: Sequence[str]) -> list[SuiteTask]:
@@ -148,16 +176,8 @@ def _reason(name: str, names: Mapping[str, str], task: SuiteTask, built: Task, t
     return "it could be made"
 
 
-def _count(found: Mapping[str, Any]) -> int:
-    return sum(len(maker) if isinstance(maker, dict) else 1 for maker in found.values())
-
-
-def play(task: Task, makers: Mapping[str, Any], *, episodes: int, threads: int, advance: Any) -> dict[str, Estimate]:
+def cost_ratios(costs: Mapping[str, Runs]) -> dict[str, Estimate]:
     """The cost of the first policy over that of each, with what is known of its uncertainty."""
-    found = compare(
-        task, dict(makers), episodes=episodes, seed=SEED, threads=threads, env_id=task.env_id, on_step=advance
-    )
-    costs = {name: [cost_of(record) for record in found.each_run(name)] for name in makers}
     first, *others = costs
     exact = Estimate(value=1.0, below=0.0, above=0.0, relative=True)
     return {first: exact} | {name: _ratio(costs[first], costs[name]) for name in others}

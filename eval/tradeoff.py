@@ -11,6 +11,7 @@ import rich
 import tyro
 
 from tagtrack.baselines.registry import baseline_parameters
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.comparison import Comparison, compare
 from tagtrack.eval.contestants import name_contestants
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
@@ -44,12 +45,14 @@ class Tradeoff:
     runs: Annotated[tuple[str, ...], tyro.conf.arg(metavar="RUN ...", help_behavior_hint="(none)")] = ()
     """Folders of training runs, for instance at several weights of the stand-off term."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=256))
+    engine: EngineOptions = field(default_factory=EngineOptions)
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/tradeoff-ID-TIME)")] = None
     """Folder to write; an earlier one of this command is replaced."""
 
     def run(self) -> None:
         """Run it."""
         self.trial.check()
+        self.engine.check()
         task, env_id, trial = self.task.build(), self.task.env_id, self.trial
         if task.scenario.reward.perimeter <= 0:
             raise ValueError(f"{env_id} has no perimeter to keep; give one: --set reward.perimeter=20")
@@ -57,24 +60,26 @@ class Tradeoff:
         specs = [policy for curve in curves.values() for policy in curve.values()]
         out = self.out or default_folder("tradeoff", env_id)
         require_replaceable(out, OWN_FILES, "trade-off")
-        with progress_bar(len(specs) * trial.episodes * task.scenario.episode_steps) as advance:
-            comparison = compare(
-                task,
-                specs,
-                episodes=trial.episodes,
-                seed=trial.seed,
-                threads=trial.threads,
-                env_id=env_id,
-                on_step=advance,
-            )
-        document = tradeoff_document(comparison, curves, {**self.task.describe(task), "versions": collect_versions()})
-        table = tradeoff_rows(document)
-        rich.print(as_console_table(*table))
-        with replace_results(out, OWN_FILES) as folder:
-            write_json(folder / "tradeoff.json", document)
-            write_text(folder / "tradeoff.md", as_markdown(*table))
-            figure = plot_tradeoff(draw_curves(comparison, curves), perimeter=task.scenario.reward.perimeter)
-            save_figure(folder / "tradeoff.png", figure)
+        with self.engine.open() as engine:
+            with progress_bar(len(specs) * trial.episodes * task.scenario.episode_steps) as advance:
+                comparison = compare(
+                    task,
+                    specs,
+                    episodes=trial.episodes,
+                    seed=trial.seed,
+                    threads=trial.threads,
+                    env_id=env_id,
+                    engine=engine,
+                    on_step=advance,
+                )
+            document = tradeoff_document(comparison, curves, {**self.task.describe(task), "versions": collect_versions()})
+            table = tradeoff_rows(document)
+            rich.print(as_console_table(*table))
+            with replace_results(out, OWN_FILES) as folder:
+                write_json(folder / "tradeoff.json", document)
+                write_text(folder / "tradeoff.md", as_markdown(*table))
+                figure = plot_tradeoff(draw_curves(comparison, curves), perimeter=task.scenario.reward.perimeter)
+                save_figure(folder / "tradeoff.png", figure)
         print(f"written: {out}")
 
     def curves(self) -> Curves:

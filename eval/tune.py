@@ -16,6 +16,8 @@ import tyro
 from tagtrack.baselines.registry import BASELINES, LEADING_PARAMETERS, usual_parameters
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import Task
+from tagtrack.eval.cells.engine import Engine
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.comparison import Comparison, compare, describe_fleet
 from tagtrack.eval.metrics import paired_ratio
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
@@ -28,6 +30,8 @@ from tagtrack.eval.versions import collect_versions
 
 LONGER = 2  # times that a grid goes on beyond an end at which the best lies
 EACH_WAY = 3  # values that a refinement tries on either side of the best
+
+Found = tuple[Comparison, float, list[float]]  # all that was compared, the best value, all values tried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,35 +118,44 @@ class Tune:
     values: Annotated[tuple[float, ...], tyro.conf.arg(metavar="X ...", help_behavior_hint="(a usual range)")] = ()
     """Values to try; without them a usual range for the task, which goes on where the best lies at its end, and gets finer."""
     trial: EpisodeOptions = field(default_factory=lambda: EpisodeOptions(episodes=256))
+    engine: EngineOptions = field(default_factory=EngineOptions)
     out: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """JSON file to write."""
 
     def run(self) -> None:
         """Run it."""
         self.trial.check()
+        self.engine.check()
         task = self.task.build()
         grid = self.grid(task.scenario)
         require_writable_file(self.out)
-        tried = list(grid.values)
-        comparison = self.compare(task, tried, "grid")
-        best = self.value_of(best_policy(comparison))
-        if not self.values:
-            for _ in range(LONGER):
-                if not (more := longer(grid, tried, best)):
-                    break
-                comparison, best, tried = self.go_on(task, comparison, tried, more, "beyond")
-            if grid.whole or grid.geometric or len(tried) > 2:
-                if more := finer(grid, tried, best):
-                    comparison, best, tried = self.go_on(task, comparison, tried, more, "finer")
-        document = tuning_document(comparison, {self.spec(value): value for value in sorted(tried)}, collect_versions())
-        print_tuning(document)
-        for line in edge_notes(best, tried, grid):
-            print(line)
-        if self.out is not None:
-            write_json(self.out, document)
-            print(f"written: {self.out}")
+        with self.engine.open() as engine:
+            comparison, best, tried = self.search(task, grid, engine)
+            document = tuning_document(comparison, {self.spec(value): value for value in sorted(tried)}, collect_versions())
+            print_tuning(document)
+            for line in edge_notes(best, tried, grid):
+                print(line)
+            if self.out is not None:
+                write_json(self.out, document)
+                print(f"written: {self.out}")
 
-    def compare(self, task: Task, values: Sequence[float], stage: str) -> Comparison:
+    def search(self, task: Task, grid: Grid, engine: Engine) -> Found:
+        """The grid, on beyond its end where the best lies there, and finer about the best."""
+        tried = list(grid.values)
+        comparison = self.compare(task, tried, "grid", engine)
+        found = comparison, self.value_of(best_policy(comparison)), tried
+        if self.values:
+            return found
+        for _ in range(LONGER):
+            if not (more := longer(grid, found[2], found[1])):
+                break
+            found = self.go_on(task, found, more, "beyond", engine)
+        if grid.whole or grid.geometric or len(found[2]) > 2:
+            if more := finer(grid, found[2], found[1]):
+                found = self.go_on(task, found, more, "finer", engine)
+        return found
+
+    def compare(self, task: Task, values: Sequence[float], stage: str, engine: Engine) -> Comparison:
         """The baseline with each of some values, on the episodes for tuning."""
         trial = self.trial
         with progress_bar(len(values) * trial.episodes * task.scenario.episode_steps) as advance:
@@ -154,16 +167,16 @@ class Tune:
                 seed=trial.seed,
                 threads=trial.threads,
                 env_id=self.task.env_id,
+                engine=engine,
                 on_step=lambda name, steps: advance(f"{stage}: {name}", steps),
             )
 
-    def go_on(
-        self, task: Task, before: Comparison, tried: list[float], more: Sequence[float], stage: str
-    ) -> tuple[Comparison, float, list[float]]:
-        """With more values: all that was found, the best value, all values tried."""
-        found = self.compare(task, more, stage)
+    def go_on(self, task: Task, before: Found, more: Sequence[float], stage: str, engine: Engine) -> Found:
+        """With more values."""
+        comparison, _, tried = before
+        new = self.compare(task, more, stage, engine)
         both = replace(
-            before, records={**before.records, **found.records}, summaries={**before.summaries, **found.summaries}
+            comparison, records={**comparison.records, **new.records}, summaries={**comparison.summaries, **new.summaries}
         )
         return both, self.value_of(best_policy(both)), [*tried, *more]
 

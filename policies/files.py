@@ -99,7 +99,12 @@ def remove_leftovers(folder: str | os.PathLike[str]) -> None:
 
 def is_leftover(path: Path) -> bool:
     """Whether a file is what a kill in the middle of `replace_file` leaves."""
-    return _PARTIAL_NAME.fullmatch(path.name) is not None and path.is_file()
+    return is_leftover_name(path.name) and path.is_file()
+
+
+def is_leftover_name(name: str) -> bool:
+    """Whether a name is one of those that something has until it is whole."""
+    return _PARTIAL_NAME.fullmatch(name) is not None
 
 
 def save_policy(folder: str | os.PathLike[str], policy: NetworkPolicy | EntityPolicy) -> None:

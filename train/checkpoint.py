@@ -21,7 +21,7 @@ import numpy as np
 
 from tagtrack.envs.validation import brief
 from tagtrack.policies.files import remove_leftovers, replace_file
-from tagtrack.train.trust import is_signed, sign
+from tagtrack.policies.trust import is_signed, sign
 
 CHECKPOINT_FOLDER = "checkpoint"
 LATEST_FILE = "latest.json"
@@ -118,6 +118,15 @@ def load_checkpoint(run: Path) -> Checkpoint:
     if not checkpoint.model.is_file():
         raise ValueError(f"{checkpoint.folder}: the checkpoint's {MODEL_FILE} is missing; train anew")
     return checkpoint
+
+
+def sign_anew(run: Path) -> None:
+    """Make a checkpoint, which this user's own training wrote on another machine, one of this machine."""
+    latest = run / CHECKPOINT_FOLDER / LATEST_FILE
+    content = json.loads(latest.read_text(encoding="utf-8"))
+    content["signature"] = sign(_signed(load_checkpoint(run).folder))
+    with replace_file(latest) as partial:
+        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def remove_others(place: Path, name: str) -> None:

@@ -7,12 +7,13 @@ import json
 import types
 import typing
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
 Algorithm = Literal["ppo", "sac"]
@@ -32,6 +33,10 @@ class TrainConfig:
     fewer worlds, so that it still learns eight times."""
     seed: WholeNumber = 0
     """Of network, exploration and episodes. One seed is no result: train several."""
+    seeds: Annotated[tuple[WholeNumber, ...], tyro.conf.arg(metavar="N ...", help_behavior_hint="(none)")] = ()
+    """Several runs that differ in their seed, in DIR/seedN of --out, and one table over all; the same command again goes on with
+    what is not finished."""
+    engine: Annotated[EngineOptions, tyro.conf.arg(name="")] = field(default_factory=EngineOptions)
     num_envs: Annotated[OptionalWholeNumber, tyro.conf.arg(help_behavior_hint="(default by environment)")] = None
     """Worlds that are simulated together."""
     preset: Annotated[str | None, tyro.conf.arg(metavar="NAME", help_behavior_hint="(none)")] = None
@@ -55,8 +60,8 @@ class TrainConfig:
     """Parameters of the scenario, for instance water.noisy_share=0.3 reward.standoff=2."""
     hyper: Annotated[Texts, tyro.conf.arg(metavar="NAME=VALUE ..."), tyro.conf.UseAppendAction] = ()
     """Hyper-parameters of the algorithm, for instance learning_rate=3e-4 gamma=0.995."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/ENV-ALGO-seedN)")] = None
-    """Folder of the run."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/ENV-ALGO-seedN, or runs/ENV-ALGO)")] = None
+    """Folder of the run; with --seeds of all runs."""
     resume: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(none)")] = None
     """Folder of a run to go on with, from its last checkpoint; only --steps (more of them), --threads, --device and --trust go
     with it. It goes on, bit for bit, as if it had never been cut off; with more --steps it learns at another pace."""
@@ -78,7 +83,7 @@ class TrainConfig:
 
 LARGEST = 1e18  # of a number in a file
 TOLD = ("settings", "scenario", "replayed")  # what a run's config.json tells beside its config
-UNWRITTEN = ("trust",)  # no file can ask for it
+UNWRITTEN = ("trust", "seeds", "engine")  # no file can ask for them
 
 
 def flatten(texts: Texts) -> list[str]:

@@ -29,14 +29,21 @@ from tagtrack.train.learning import build_model, load_model
 from tagtrack.train.run_folder import CONFIG_FILE, TABLE_FILE, UNTRAINED, RunFolder
 from tagtrack.train.settings import PPOSettings, Settings
 from tagtrack.train.starting import start_as
-from tagtrack.train.training import Training, learn, make_logger
+from tagtrack.train.training import Tell, Training, learn, make_logger
 from tagtrack.train.vec_env import TagTrackVecEnv
 
 WATCHED = 4  # rollouts of a policy that began as another, in which only its critic learns
 TABLE_EPISODES, TABLE_SEED = 256, 1_000_000  # of the benchmarks' block
 
 
-def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder, checkpoint: Checkpoint | None) -> int:
+def train(
+    config: TrainConfig,
+    settings: Settings,
+    task: Task,
+    folder: RunFolder,
+    checkpoint: Checkpoint | None,
+    tell: Tell | None = None,
+) -> int:
     """Train in a folder, from the checkpoint if there is one; table, curve and path at the end. Returns the exit status."""
     torch.set_num_threads(1)  # a second thread costs more than it gives on networks this small
     env = make_env(config, settings, task)
@@ -66,6 +73,7 @@ def train(config: TrainConfig, settings: Settings, task: Task, folder: RunFolder
         resumed=None if checkpoint is None else checkpoint.progress,
         hold=settings.hold if isinstance(settings, PPOSettings) else 1,
         watched=rollouts_to_watch(config, settings, model.num_timesteps),
+        tell=tell,
     )
     if isinstance(settings, PPOSettings):
         print(describe_updates(settings, model.num_timesteps), flush=True)
@@ -128,9 +136,12 @@ def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
     """What a trained run ends with: its curve, and its table on the terminal and in table.md."""
     draw_curve(folder)
     draw_curve(folder, write_comparison(config, folder, task, task.env_id))
-    path = shlex.quote(str(folder.path))
-    command = f"{tagtrack_here()} eval benchmark {describe_task(config, task)} --policies three_step {path}"
-    print(f"run: {folder.path}\nmore: {command}")
+    print(f"run: {folder.path}\nmore: {benchmark_command(config, task, str(folder.path))}")
+
+
+def benchmark_command(config: TrainConfig, task: Task, policy: str) -> str:
+    """The command that compares a policy of this task with more."""
+    return f"{tagtrack_here()} eval benchmark {describe_task(config, task)} --policies three_step {shlex.quote(policy)}"
 
 
 def describe_task(config: TrainConfig, task: Task) -> str:

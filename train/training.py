@@ -7,6 +7,7 @@ import importlib.util
 import signal
 import sys
 import time
+from collections.abc import Callable
 from types import FrameType
 
 import torch
@@ -26,6 +27,8 @@ from tagtrack.train.course import describe_course
 from tagtrack.train.entity_network import EntityActorCritic, export_entities
 from tagtrack.train.run_folder import UNTRAINED, RunFolder
 
+Tell = Callable[[int], None]  # env steps just done
+
 
 class Stopped(Exception):
     """Training ends before its steps are done, between two rollouts: what has been seen is learned from."""
@@ -38,11 +41,12 @@ class Training(BaseCallback):
         total: steps at which training ends. episodes: of each validation.
         resumed: what was done before, of a run that goes on. hold: environment steps that a decision is held for.
         watched: rollouts at first in which the actor stays as it is, and only the critic learns.
+        tell: hears of the steps just done, instead of a progress bar.
     """
 
     def __init__(
         self, folder: RunFolder, task: Task, env_id: str, *, total: int, seed: int, episodes: int,
-        resumed: Progress | None, hold: int = 1, watched: int = 0,
+        resumed: Progress | None, hold: int = 1, watched: int = 0, tell: Tell | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self.folder, self.task, self.env_id = folder, task, env_id
@@ -68,8 +72,9 @@ class Training(BaseCallback):
             unit_scale=True,
             dynamic_ncols=True,
             desc="training",
-            disable=None,
+            disable=None if tell is None else True,
         )
+        self.tell, self.told = tell, self.first_step
 
     def _on_training_start(self) -> None:
         self.started = time.perf_counter() - self.seconds
@@ -89,7 +94,11 @@ class Training(BaseCallback):
             raise Stopped
 
     def _on_step(self) -> bool:
-        self.bar.update(self.num_timesteps - self.bar.n)
+        if self.tell is None:
+            self.bar.update(self.num_timesteps - self.bar.n)
+        else:
+            self.tell(self.num_timesteps - self.told)
+            self.told = self.num_timesteps
         self.episodes_ended += [info["episode"] for info in self.locals["infos"] if "episode" in info]
         return True
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import rich
 import tyro
 
+from tagtrack.eval.cells.cell import Done
+from tagtrack.eval.cells.engine import Engine
+from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.papers.document import as_markdown_page, console_table, papers_document
 from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size
 from tagtrack.eval.papers.registry import EXPERIMENTS
-from tagtrack.eval.papers.running import Taken, run_experiments
+from tagtrack.eval.papers.running import run_experiments
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import write_json, write_text
@@ -40,8 +43,7 @@ class Papers:
     """A few repetitions with few particles: shows that it runs, its figures mean nothing."""
     seed: int = 0
     """Of the first repetition; the others follow."""
-    threads: int = 1
-    """Experiments that run at once, each in a process of its own; results do not depend on it."""
+    engine: EngineOptions = field(default_factory=EngineOptions)
     data: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(TAGTRACK_DATA, else none)")] = None
     """Folder with the field data of Masmitja et al. 2020 (resnep/), for their Tables 1 and S1; left out without it."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/papers-PAPER-TIME)")] = None
@@ -51,32 +53,32 @@ class Papers:
         """Run it."""
         if self.paper is not None and self.paper not in EXPERIMENTS:
             raise ValueError(f"unknown paper {self.paper!r}; known: {', '.join(EXPERIMENTS)}")
-        if self.threads < 1:
-            raise ValueError(f"--threads must be at least 1, got {self.threads}")
+        self.engine.check()
         if self.data is not None and not self.data.is_dir():
             raise FileNotFoundError(f"no folder {self.data}; name the one that holds resnep/, or leave --data out")
         first = block_seed(SeedBlock.BENCHMARK, self.seed)
         out = self.out or default_folder("papers", self.paper or "all")
         require_replaceable(out, OWN_FILES, "comparison with the papers")
         size = QUICK if self.quick else Size()
-        taken = self.repeat(size, first)
-        found = {experiment: findings for experiment, (findings, _) in taken.items()}
-        seconds = {experiment: each for experiment, (_, each) in taken.items()}
-        document = papers_document(found, seconds=seconds, seed=self.seed, size=size, versions=collect_versions())
-        rich.print(console_table(document))
-        with replace_results(out, OWN_FILES) as folder:
-            write_json(folder / "papers.json", document)
-            write_text(folder / "papers.md", as_markdown_page(document))
-            for name, figure in figures_of(found).items():
-                save_figure(folder / f"{name}.png", figure)
+        with self.engine.open() as engine:
+            taken = self.repeat(size, first, engine)
+            found: dict[Experiment, Findings] = {experiment: done.value for experiment, done in taken.items()}
+            seconds = {experiment: done.seconds for experiment, done in taken.items()}
+            document = papers_document(found, seconds=seconds, seed=self.seed, size=size, versions=collect_versions())
+            rich.print(console_table(document))
+            with replace_results(out, OWN_FILES) as folder:
+                write_json(folder / "papers.json", document)
+                write_text(folder / "papers.md", as_markdown_page(document))
+                for name, figure in figures_of(found).items():
+                    save_figure(folder / f"{name}.png", figure)
         print(f"written: {out}")
 
-    def repeat(self, size: Size, seed: int) -> Mapping[Experiment, Taken]:
-        """What each experiment found, and the time it took [s]."""
+    def repeat(self, size: Size, seed: int, engine: Engine) -> Mapping[Experiment, Done]:
+        """What each experiment found, and the time it took."""
         chosen = [each for paper, experiments in EXPERIMENTS.items() if self.paper in (None, paper) for each in experiments]
-        setting = Setting(size=size, seed=seed, threads=self.threads, data=self.data or named_data())
+        setting = Setting(size=size, seed=seed, data=self.data or named_data())
         with progress_bar(sum(experiment.steps(size) for experiment in chosen)) as advance:
-            return run_experiments(chosen, setting, advance, processes=self.threads)
+            return run_experiments(chosen, setting, engine, advance)
 
 
 def named_data() -> Path | None:

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.papers import command
 from tagtrack.eval.papers.document import as_markdown_page, papers_document
 from tagtrack.eval.papers.frame import QUICK, Experiment, Findings, Setting, Size, make_row
@@ -18,7 +19,7 @@ from tagtrack.eval.papers.masmitja2020_bound import BOUND_TWIN
 from tagtrack.eval.papers.masmitja2020_field import FIELD
 from tagtrack.eval.papers.pictures import plot_rows
 from tagtrack.eval.papers.registry import EXPERIMENTS, WITHOUT_TWIN
-from tagtrack.eval.papers.running import run_experiments, title_of
+from tagtrack.eval.papers.running import run_experiments
 from tagtrack.eval.plots import empty_figure
 
 KEYS = ["paper", "table", "row", "column", "paper_value", "ours", "low", "high", "unit", "note", "repeated"]
@@ -158,7 +159,7 @@ def test_one_paper_alone_replaces_an_earlier_result(evaluate, tiny, tmp_path):
     [
         (("--paper", "einstein1905"), "error: unknown paper 'einstein1905'; known: clark2013, lin2013, masmitja2020\n"),
         (("--seed", "-1"), "error: seed must be from 0 to 2147483647, got -1\n"),
-        (("--threads", "0"), "error: --threads must be at least 1, got 0\n"),
+        (("--processes", "0"), "error: --processes must be at least 1, got 0\n"),
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(evaluate, tmp_path, arguments, complaint):
@@ -216,13 +217,13 @@ def test_experiments_in_processes_find_and_report_what_they_do_one_after_another
     for processes in (1, 2):
         done = Counter()
         tell = partial(lambda counter, title, steps: counter.update({title: steps}), done)
-        taken = run_experiments(chosen, Setting(size=SMALL, seed=3), tell, processes)
+        taken = run_experiments(chosen, Setting(size=SMALL, seed=3), Engine(processes=processes), tell)
         found.append({each.table: [row.to_json() for row in findings.rows] for each, (findings, _) in taken.items()})
         reported.append(done)
     assert json.dumps(found[0]) == json.dumps(found[1]) and list(found[1]) == [each.table for each in chosen]
     with pytest.raises(ValueError, match="negative"):
-        run_experiments(chosen, Setting(size=SMALL, seed=-1), lambda title, steps: None, processes=2)
-    assert reported[0] == reported[1] == {title_of(each): each.steps(SMALL) for each in chosen}
+        run_experiments(chosen, Setting(size=SMALL, seed=-1), Engine(processes=2))
+    assert reported[0] == reported[1] == {f"{each.paper}, {each.table}": each.steps(SMALL) for each in chosen}
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import csv
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,15 +14,6 @@ import pytest
 from tagtrack.train.cli import main
 
 SMALL = ["--num-envs", "8", "--particles", "32", "--validation-episodes", "2", "--set", "episode_steps=12"]
-
-
-@pytest.fixture(autouse=True, scope="session")
-def own_key(tmp_path_factory) -> Iterator[Path]:
-    """A configuration folder of the tests' own: the user's key stays out of it."""
-    folder = tmp_path_factory.mktemp("config")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CONFIG_HOME", str(folder))
-        yield folder / "tagtrack" / "key"
 
 
 @pytest.fixture

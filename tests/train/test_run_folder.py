@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from tagtrack.policies.trust import is_signed, sign
 from tagtrack.train import checkpoint
 from tagtrack.train.checkpoint import Progress, load_checkpoint, save_checkpoint
 from tagtrack.train.run_folder import RunFolder
-from tagtrack.train.trust import is_signed, sign
 
 
 class Killed(BaseException):

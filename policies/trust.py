@@ -1,6 +1,6 @@
-"""Whose checkpoint is it? SB3's files hold pickles, which run code when they are loaded: only those signed here are.
+"""Whose file is it? SB3's checkpoints, and kept results, hold pickles, which run code when loaded: only those signed here are.
 
-The signature is an HMAC over their SHA-256 sums with a key of the user's own, which never leaves the machine's
+The signature is an HMAC, of files over their SHA-256 sums, with a key of the user's own, which never leaves the machine's
 configuration folder (``$XDG_CONFIG_HOME/tagtrack/key``, by default below ``~/.config``).
 """
 
@@ -27,28 +27,41 @@ def key_file() -> Path:
 
 def sign(files: Sequence[Path]) -> str | None:
     """The signature of files; None where no key can be kept."""
-    try:
-        key = _read_key() or _make_key()
-    except (OSError, RuntimeError):  # a home that cannot be written, or none
-        return None
-    return None if key is None else _signature(key, files)
+    return signature_of(_list(files))
 
 
 def is_signed(files: Sequence[Path], signature: object) -> bool:
     """Whether the signature is this user's, and the files are those it was given for."""
+    return is_signature(signature, _list(files))
+
+
+def signature_of(content: bytes) -> str | None:
+    """The signature of some bytes; None where no key can be kept."""
+    try:
+        key = _read_key() or _make_key()
+    except (OSError, RuntimeError):  # a home that cannot be written, or none
+        return None
+    return None if key is None else hmac.new(key, content, "sha256").hexdigest()
+
+
+def is_signature(signature: object, content: bytes) -> bool:
+    """Whether a signature is this user's, of these bytes."""
     try:
         key = _read_key()
     except (OSError, RuntimeError):
         return False
-    return key is not None and isinstance(signature, str) and hmac.compare_digest(_signature(key, files), signature)
+    if key is None or not isinstance(signature, str) or not signature.isascii():
+        return False
+    return hmac.compare_digest(hmac.new(key, content, "sha256").hexdigest(), signature)
 
 
-def _signature(key: bytes, files: Sequence[Path]) -> str:
-    whole = hmac.new(key, digestmod="sha256")
+def _list(files: Sequence[Path]) -> bytes:
+    """Names and sums of files, which stand for them."""
+    lines = []
     for file in files:
         with file.open("rb") as content:
-            whole.update(f"{file.name} {_sum(content)}\n".encode())
-    return whole.hexdigest()
+            lines.append(f"{file.name} {_sum(content)}\n")
+    return "".join(lines).encode()
 
 
 def _sum(content: BinaryIO) -> str:
