@@ -23,6 +23,7 @@ from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import console_table, markdown_table, write_text
 from tagtrack.eval.rivals import rivals_of
+from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
 from tagtrack.train.checkpoint import has_checkpoint
 from tagtrack.train.cli import guarded
@@ -46,6 +47,8 @@ def train_several(config: TrainConfig) -> int:
         raise ValueError("--seeds goes without --seed and --resume; the same command again goes on with what is not finished")
     if len(set(config.seeds)) < len(config.seeds):
         raise ValueError(f"--seeds must be different ones, got {' '.join(map(str, config.seeds))}")
+    for seed in config.seeds:
+        run_seed(SeedBlock.TRAINING, seed)
     config = with_own_start(config)
     task, settings = check(config)
     place = config.out or Path("runs") / f"{full_id(config.env).rpartition('/')[2]}-{config.algo}"
@@ -119,6 +122,8 @@ def train_here(config: TrainConfig, folder: Path, *, tell: Tell) -> Outcome:
     log = folder.with_name(f"{folder.name}.log")
     with log.open("a", buffering=1, encoding="utf-8") as file, contextlib.redirect_stdout(file), contextlib.redirect_stderr(file):
         status = guarded(lambda: run(config, tell))
+    if status == 130:  # what was saved stays; the others are not begun
+        raise KeyboardInterrupt
     return Outcome(status, log.read_text(encoding="utf-8"), None)
 
 

@@ -12,7 +12,6 @@ import importlib
 import json
 import os
 import pickle
-import platform
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -89,10 +88,10 @@ class Kept:
 @functools.cache
 def _code_sum() -> bytes:
     """A sum over our sources, the versions of packages and the kind of processor."""
-    from llvmlite.binding import get_host_cpu_name
+    from numba.core.registry import cpu_target
 
     versions = {name: text for name, text in collect_versions().items() if name != "commit"}
-    total = hashlib.sha256(json.dumps([versions, platform.machine(), get_host_cpu_name()]).encode())
+    total = hashlib.sha256(json.dumps([versions, cpu_target.target_context.codegen().magic_tuple()]).encode())
     for folder in sorted({Path(place) for name in _PARTS for place in importlib.import_module(name).__path__}):
         for path in sorted(folder.rglob("*.py")):
             total.update(f"{path.relative_to(folder)}\n".encode() + path.read_bytes())

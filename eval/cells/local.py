@@ -80,6 +80,7 @@ def _run_once(
             children = [child for child in active_children() if child not in others]
             if patient and isinstance(error, KeyboardInterrupt):
                 _stop_gently(running, children)
+                pool.shutdown()
             for child in children:
                 child.terminate()
             raise

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 from tagtrack.eval.cells.cell import Done, Parcel
 from tagtrack.eval.cells.local import ONE_THREAD, Report
 
 POLL = 0.5  # [s] between looks at what the tasks report
+ANSWER = 10.0  # [s] in which a cluster must answer
 RETRIES = 20  # of a task whose node or process is lost
 
 
@@ -42,14 +45,15 @@ def run_on_ray(
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
     here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    board = ray.remote(Board).options(num_cpus=0, scheduling_strategy=here).remote()
+    board = ray.remote(Board).options(num_cpus=0, max_restarts=-1, scheduling_strategy=here).remote()
     work = ray.remote(_run).options(num_cpus=1, max_retries=RETRIES)
     running = {work.remote(number, parcel, board): number for number, parcel in parcels.items()}
     try:
         while running:
             finished, _ = ray.wait(list(running), num_returns=1, timeout=POLL)
-            for number, total in ray.get(board.read.remote()).items():
-                report(number, total)
+            with suppress(ray.exceptions.RayError):  # the bar stands still while its board is made anew
+                for number, total in ray.get(board.read.remote(), timeout=POLL).items():
+                    report(number, total)
             for reference in finished:
                 yield running.pop(reference), _value(ray, reference)
     finally:
@@ -74,10 +78,23 @@ def connect(address: str | None, processes: int | None) -> Any:
     found = address or os.environ.get("RAY_ADDRESS")
     if found and processes is not None:
         raise ValueError("a cluster that runs already has the cores it has; leave --processes out")
+    if found:
+        _require_answer(found)
     alone: dict[str, Any] = {} if found else {"num_cpus": processes, "include_dashboard": False}
     environment = {"env_vars": dict.fromkeys(ONE_THREAD, "1")}
     ray.init(address=address, logging_level="ERROR", log_to_driver=False, runtime_env=environment, **alone)
     return ray
+
+
+def _require_answer(address: str) -> None:
+    """Raise ConnectionError where nobody listens: Ray would try for minutes."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not (host and port.isdigit()):  # auto, or a name that Ray makes something of
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=ANSWER).close()
+    except OSError as error:
+        raise ConnectionError(f"no Ray cluster answers at {address} ({error}); `ray start --head` prints its address") from None
 
 
 def _run(number: int, parcel: Parcel, board: Any) -> Done:

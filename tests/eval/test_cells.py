@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import subprocess
+import sys
 import time
 from multiprocessing import active_children
 from pathlib import Path
@@ -178,7 +180,7 @@ def test_options_that_make_no_sense_are_refused(evaluate, words, complaint):
 
 
 def test_without_ray_the_error_names_the_extra(evaluate, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "ray", None)
+    monkeypatch.setitem(sys.modules, "ray", None)
     status, _, err = evaluate("suite", "--engine", "ray")
     assert (status, err) == (2, 'error: --engine ray needs Ray: pip install "tagtrack[ray]"\n')
 
@@ -212,17 +214,15 @@ def test_engine_options_stand_in_the_help_of_what_takes_long(evaluate):
 
 def test_ctrl_c_ends_the_processes(tmp_path, repository):
     """Sent to the command alone, as a supervisor would: its processes end with it."""
-    code = (
-        "from tagtrack.eval.cells.engine import Engine; from tagtrack.eval.cells.cell import Cell\n"
-        "from tests.eval.cell_functions import wait_for_the_end\n"
-        "from pathlib import Path\n"
-        "if __name__ == '__main__':\n"
-        f"    Engine(processes=2).run([Cell(name='', function=wait_for_the_end, arguments=(k, Path({str(tmp_path)!r}) / str(k)), units=1)"
-        " for k in range(2)])\n"
-    )
-    import subprocess
-    import sys
-
+    code = f"""
+from pathlib import Path
+from tagtrack.eval.cells.cell import Cell
+from tagtrack.eval.cells.engine import Engine
+from tests.eval.cell_functions import wait_for_the_end
+if __name__ == "__main__":
+    place = Path({str(tmp_path)!r})
+    Engine(processes=2).run([Cell(name="", function=wait_for_the_end, arguments=(k, place / str(k)), units=1) for k in range(2)])
+"""
     for number in (signal.SIGINT, signal.SIGKILL):
         for file in tmp_path.iterdir():
             file.unlink()
