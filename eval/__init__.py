@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from tagtrack.envs.lazy import lazily
 
 if TYPE_CHECKING:
+    from tagtrack.eval.cells.engine import Engine
     from tagtrack.eval.comparison import Comparison, compare
     from tagtrack.eval.episode_record import EpisodeRecord
     from tagtrack.eval.metrics import paired_ratio, summarize
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from tagtrack.eval.versions import collect_versions
 
 _HOMES = {
+    "cells.engine": ("Engine",),
     "comparison": ("Comparison", "compare"),
     "episode_record": ("EpisodeRecord",),
     "metrics": ("paired_ratio", "summarize"),
@@ -32,6 +34,7 @@ _HOMES = {
 __all__ = [
     "Bootstrap",
     "Comparison",
+    "Engine",
     "EpisodeRecord",
     "Interval",
     "SeedBlock",
