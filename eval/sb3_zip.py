@@ -54,6 +54,8 @@ def _algorithm_of(path: Path) -> Any:
         raise ValueError(f"{path} is no model of Stable-Baselines3 ({error})") from None
     if not isinstance(data, dict):
         raise ValueError(f"{path} is no model of Stable-Baselines3 (its data is {type(data).__name__})")
+    if "sb3_contrib" in _home_of(data, "policy_class"):
+        return _recurrent(path)
     if "clip_range" in data:
         return sb3.PPO
     if any("ent_coef" in name for name in names) or "ent_coef_optimizer" in data or "target_entropy" in data:
@@ -62,7 +64,22 @@ def _algorithm_of(path: Path) -> Any:
         return sb3.TD3
     if "gae_lambda" in data:
         return sb3.A2C
-    raise ValueError(f"{path} is of an algorithm that is not known here: PPO, SAC, TD3 and A2C are; give it as MODULE:OBJECT")
+    known = "PPO, SAC, TD3, A2C and, of sb3-contrib, RecurrentPPO are"
+    raise ValueError(f"{path} is of an algorithm that is not known here: {known}; give it as MODULE:OBJECT")
+
+
+def _home_of(data: dict[str, Any], name: str) -> str:
+    """The module of a class that the data tell of."""
+    told = data.get(name)
+    return str(told.get("__module__", "")) if isinstance(told, dict) else ""
+
+
+def _recurrent(path: Path) -> Any:
+    try:
+        from sb3_contrib import RecurrentPPO
+    except ImportError:
+        raise ImportError(f'{path} is of sb3-contrib: pip install "tagtrack[contrib]"') from None
+    return RecurrentPPO
 
 
 class _Model:
@@ -74,5 +91,5 @@ class _Model:
     def predict(
         self, observation: np.ndarray, state: Any = None, episode_start: np.ndarray | None = None, deterministic: bool = False
     ) -> tuple[np.ndarray, Any]:
-        action, _ = self._model.predict(observation, deterministic=deterministic)
-        return np.clip(action, -1.0, 1.0), None
+        action, state = self._model.predict(observation, state, episode_start, deterministic)
+        return np.clip(action, -1.0, 1.0), state

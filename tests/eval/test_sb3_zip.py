@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import gymnasium
+import numpy as np
 import pytest
 from stable_baselines3 import A2C, PPO, SAC, TD3
 
+from tagtrack.eval.sb3_zip import load_zip
 from tests.eval.conftest import SHORT
 
 ALGORITHMS = {"ppo": PPO, "sac": SAC, "td3": TD3, "a2c": A2C}
@@ -33,3 +35,16 @@ def test_what_is_no_model_is_refused(tmp_path: Path, evaluate) -> None:
     for file, message in (("text.zip", "is no model of Stable-Baselines3"), ("none.zip", "no model")):
         status, _, error = evaluate("benchmark", *SHORT, "--policies", tmp_path / file, "--trust")
         assert status == 2 and message in error
+
+
+def test_a_recurrent_model_remembers_within_an_episode(tmp_path: Path, task) -> None:
+    contrib = pytest.importorskip("sb3_contrib", reason="recurrent models need sb3-contrib: pip install sb3-contrib")
+    env = gymnasium.make("tagtrack:TagTrack/LeopardShark-v0", particles=20)
+    model = contrib.RecurrentPPO("MlpLstmPolicy", env, policy_kwargs={"lstm_hidden_size": 8, "net_arch": [8]})
+    model.save(tmp_path / "model.zip")
+    policy = load_zip(tmp_path / "model.zip", task.scenario)
+    observation = np.ones((3, *env.observation_space.shape), np.float32)
+    first, state = policy.predict(observation, None, np.ones(3, bool), deterministic=True)
+    second, state = policy.predict(observation, state, np.zeros(3, bool), deterministic=True)
+    anew, _ = policy.predict(observation, state, np.ones(3, bool), deterministic=True)
+    assert np.array_equal(first, anew) and not np.array_equal(first, second)
