@@ -70,7 +70,10 @@ BESIDE_THE_WALL = ("tagtrack.envs.layout",)
 ENVS_THIRD_PARTY = {"numpy", "numba", "gymnasium", "pettingzoo"}
 TYPES = {"typing_extensions"}  # may be imported for type checkers, which know it, and for them alone
 PAINTERS = {"tagtrack.envs.rendering", "tagtrack.envs.legend"}  # alone may import pygame, an extra, inside functions
-DISTRIBUTIONS = {"sb3_contrib": "sb3-contrib", "stable_baselines3": "stable-baselines3", "pygame": "pygame-ce", "serial": "pyserial", "PIL": "pillow"}
+DISTRIBUTIONS = {
+    "stable_baselines3": "stable-baselines3", "sb3_contrib": "sb3-contrib", "pygame": "pygame-ce", "serial": "pyserial",
+    "PIL": "pillow",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
