@@ -125,7 +125,7 @@ def kill(moments: int, seed: int, names: list[str] | None = None) -> dict[str, i
     """Try so many moments, spread over the commands. Returns how many of each were tried; raises at the first that fails."""
     chance, counts = random.Random(seed), {}
     chosen = {name: COMMANDS[name] for name in names or COMMANDS}
-    os.environ["XDG_CONFIG_HOME"] = tempfile.mkdtemp(prefix="tagtrack-kill-key-")
+    os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_CACHE_HOME"] = tempfile.mkdtemp(prefix="tagtrack-kill-key-")
     for number, (name, command) in enumerate(chosen.items()):
         with tempfile.TemporaryDirectory(prefix="tagtrack-kill-") as place:
             out = Path(place) / "out"

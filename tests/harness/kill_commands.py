@@ -16,7 +16,7 @@ import numpy as np
 
 from tagtrack.eval.cli import main as evaluate
 from tagtrack.policies.files import load_policy
-from tagtrack.train import session
+from tagtrack.train import session, several
 from tagtrack.train.cli import main as train
 
 Line = Callable[[Path], int]
@@ -122,6 +122,31 @@ class Train(Command):
         }
 
 
+class TrainSeveral(Command):
+    """Runs that differ in their seed: the same command goes on."""
+
+    def __init__(self, *asked: str) -> None:
+        self.one = Train(*asked)
+
+    def prepare(self, out: Path) -> None:
+        pass
+
+    def line(self, out: Path) -> int:
+        session.TABLE_EPISODES = several.TABLE_EPISODES = 4
+        return train([*self.one.asked, *SMALL, "--seeds", "0", "1", "--processes", "1", "--out", str(out)])
+
+    def go_on(self, out: Path) -> Line:
+        return self.line
+
+    def require_whole(self, out: Path) -> None:
+        for run in out.glob("seed?"):
+            self.one.require_whole(run)
+
+    def results(self, out: Path) -> dict[str, Any]:
+        runs = {run.name: self.one.results(run) for run in sorted(out.glob("seed?"))}
+        return {**runs, "table": (out / "table.md").read_text(), "files": sorted(path.name for path in out.iterdir())}
+
+
 class Evaluate(Command):
     """A folder of results; an earlier one of the same kind is there."""
 
@@ -149,6 +174,8 @@ class Evaluate(Command):
     def results(self, out: Path) -> dict[str, Any]:
         found: dict[str, Any] = {path.name: path.read_bytes() for path in sorted(out.iterdir())}
         for name in found:
+            if name.endswith(".html"):
+                found[name] = found[name].replace(str(out.parent).encode(), b"")
             if name.endswith(".json"):  # the commit may be another one by now, the folder is
                 told = json.loads(found[name].decode().replace(str(out.parent), ""))
                 found[name] = {key: value for key, value in told.items() if key != "versions"}
@@ -174,6 +201,7 @@ FIELD = ("--detections", "HERE/detections.csv", "--receivers", "HERE/receivers.c
 COMMANDS: dict[str, Command] = {
     "train": Train("--steps", "600", "--hyper", "rollout=128"),
     "train sac": Train("--steps", "120", "--algo", "sac", "--hyper", "learning_starts=64", "gradient_steps=1"),
+    "train several": TrainSeveral("--steps", "300", "--hyper", "rollout=128"),
     "eval benchmark": Evaluate(
         "benchmark", *SHORT, "--policies", "pursuit", "circle", before=("benchmark", *SHORT, "--policies", "random")
     ),
