@@ -17,7 +17,7 @@ help:
 	@echo 'make test    run the tests                               (make test ARGS="-k ping", ARGS="-m slow")'
 	@echo 'make check   ruff and mypy'
 	@echo 'make speed   steps and particle updates a second beside the readable reference filter'
-	@echo 'make interop run a script of each RL library in an environment of its own, and write docs/interop.md (minutes, gigabytes)'
+	@echo 'make interop run a script of each RL library in an environment of its own, and write docs/interop.md (half an hour, 16 GB)'
 	@echo 'make kill    end commands at random moments: do they go on? (make kill ARGS=50)'
 	@echo 'make fuzz    hand in nonsense of each kind                  (make fuzz ARGS=100000)'
 	@echo 'make soak    step all worlds on two threads and on one      (make soak ARGS=3600, seconds)'
