@@ -7,9 +7,11 @@ import math
 import numpy as np
 
 from tagtrack.envs.kernels.calling import ROW
-from tagtrack.envs.kernels.compiling import inner
+from tagtrack.envs.kernels.compiling import compiled, inner
 from tagtrack.envs.rewards.term import judge_at
 from tagtrack.envs.sim.vehicle import separation_of
+
+LONE = 14  # numbers that ``gather_lone`` tells before the terms of the reward
 
 
 @inner
@@ -75,3 +77,20 @@ def share(vehicles, terms):
         for v in range(vehicles.shape[0]):
             if not vehicles[v].gone:
                 terms[v, k] = total / count
+
+
+@compiled
+def gather_lone(encounters, vehicles, fish, beliefs, navigation, error, terms, told):
+    """Put side by side what is told of the one vehicle and the one tag of one world: ``told`` (14 + K,).
+
+    Error, range, mean (2), covariance (4), where the vehicle believes it is (2), where it is (2), where the fish is (2), terms.
+    """
+    belief, known, true = beliefs[0, 0, 0], navigation[0, 0], vehicles[0, 0]
+    told[0], told[1] = error[0, 0, 0], encounters[0, 0, 0].range
+    told[2], told[3] = belief.mean_x, belief.mean_y
+    told[4], told[5], told[6], told[7] = belief.xx, belief.xy, belief.xy, belief.yy
+    told[8], told[9] = known.x, known.y
+    told[10], told[11] = true.x, true.y
+    told[12], told[13] = fish[0, 0, 0, 0], fish[0, 0, 1, 0]
+    for k in range(terms.shape[2]):
+        told[LONE + k] = terms[0, 0, k]

@@ -83,9 +83,9 @@ class Simulation:
         self._exchange_arguments = (parameters, self._actions, self.worlds)
         self._exchange_worlds = None
         if self.scenario.modem.talks:
-            self._exchange_worlds = _bind(exchange_worlds, 0, b, *self._exchange_arguments, self._workers.scratch[0])
-        self._reset_worlds = _bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
-        self._step_worlds = _bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
+            self._exchange_worlds = bind(exchange_worlds, 0, b, *self._exchange_arguments, self._workers.scratch[0])
+        self._reset_worlds = bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
+        self._step_worlds = bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in CONNECTIONS}
@@ -227,7 +227,7 @@ class Simulation:
         self.threads = 1
 
 
-def _bind(kernel: Any, *arguments: Any) -> Any:
+def bind(kernel: Any, *arguments: Any) -> Any:
     """A kernel's compiled code for arguments of these types, without numba's look-up at each call (a third of a step).
 
     It trusts their types, so it may be called only with arrays of our own making.

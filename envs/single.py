@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import gymnasium
 import numpy as np
 
-from tagtrack.envs.belief.row import BELIEF
-from tagtrack.envs.measurement import NAVIGATION, Status
+from tagtrack.envs.measurement import Status
 from tagtrack.envs.rendering import FRAMES_PER_SECOND, Picture
-from tagtrack.envs.sim.vehicle import VEHICLE
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space, team_space
 from tagtrack.envs.specification import limit_asked_of_make, plain_spec
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
-from tagtrack.envs.telling import all_have_left, team_reward, tell, term_names
+from tagtrack.envs.telling import LONE, all_have_left, lone_reward, lone_sources, team_reward, tell, tell_lone, term_names
 from tagtrack.envs.validation import as_actions
 
 if TYPE_CHECKING:
@@ -27,16 +25,6 @@ if TYPE_CHECKING:
 
 LARGEST_DRAWN_SEED = 2**31
 HEARD = int(Status.HEARD)
-
-
-def _fields(record: np.dtype, first: str, last: str) -> slice:
-    """Where neighbouring fields are in a record."""
-    names = list(record.names or ())
-    return slice(names.index(first), names.index(last) + 1)
-
-
-MEANS, SPREADS = _fields(BELIEF, "mean_x", "mean_y"), _fields(BELIEF, "xx", "xy")
-KNOWN_PLACE, TRUE_PLACE = _fields(NAVIGATION, "x", "y"), _fields(VEHICLE, "x", "y")
 
 
 class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
@@ -180,11 +168,9 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self._own = (0, 0) if vehicles == 1 else (0,)  # where the world's rows are in the simulation's arrays
         self._lifted = (np.newaxis,) * len(self._own)
         self._terms = term_names(self.simulation)
-        self._no_terms = [0.0] * len(self._terms)
-        # Kept, for looking them up costs; whole arrays, for a copy of a view would be cut off from the copied simulation.
-        worlds, self._outputs = self.simulation.worlds, self.simulation.outputs
-        self._beliefs, self._encounters, self._measurements = worlds.beliefs, worlds.encounters, worlds.measurements
-        self._navigation, self._vehicles, self._fish = worlds.navigation, worlds.vehicles, worlds.fish
+        # Kept, for looking them up costs.
+        self._outputs, self._measurements = self.simulation.outputs, self.simulation.worlds.measurements
+        self._sources = lone_sources(self.simulation)
         self._picture = Picture(self.simulation) if render_mode else None
         self.episode_limit = task.scenario.episode_steps
         self._spec: EnvSpec | None = None
@@ -220,7 +206,7 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         simulation.step(as_actions(action)[self._lifted])
         info = self._info(stepped=True)
         if self._is_lone:
-            reward, terminated = float(np.add.reduce(self._outputs.terms[0, 0])), False
+            reward, terminated = lone_reward(self._outputs.terms[0, 0]), False
         else:
             reward, terminated = float(team_reward(simulation)[0]), bool(all_have_left(simulation)[0])
         truncated = bool(simulation.worlds.clock["step"][0] >= self.episode_limit)
@@ -231,15 +217,10 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         """Flat, the same keys after reset and step, and all of numpy: other libraries stack infos by key, shape and dtype."""
         if not self._is_lone:
             return {name: _own(values[0]) for name, values in tell(self.simulation, np.array([stepped])).items()}
-        belief = self._beliefs.item()
-        xx, yy, xy = belief[SPREADS]
-        # One array, of which the info's are parts: to make each by itself took as long as a quarter of a step.
-        told = np.array((
-            self._outputs.error.item(), self._encounters["range"].item(), *belief[MEANS], xx, xy, xy, yy,
-            *self._navigation.item()[KNOWN_PLACE], *self._vehicles.item()[TRUE_PLACE], *self._fish[0, 0, :2, 0].tolist(),
-            *(self._outputs.terms[0, 0].tolist() if stepped else self._no_terms),
-        ))  # fmt: skip
-        return {
+        told = tell_lone(self._sources)
+        if not stepped:
+            told[LONE:] = 0.0
+        info = {
             "localization_error": told[0],
             "range": told[1],
             "detected": np.array(self._measurements["status"].item() == HEARD),
@@ -248,8 +229,10 @@ class TagTrackEnv(gymnasium.Env[np.ndarray, np.ndarray]):
             "vehicle_position": told[8:10],
             "true_vehicle_position": told[10:12],
             "true_fish_position": told[12:14],
-            **dict(zip(self._terms, told[14:], strict=True)),
         }
+        for place, name in enumerate(self._terms, LONE):
+            info[name] = told[place]
+        return info
 
     def _show(self) -> None:
         if self._picture is not None:

@@ -5,9 +5,35 @@ An axis of one vehicle, or of one tag, is left out, so that a single vehicle wit
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
+from typing import Any
+
 import numpy as np
 
-from tagtrack.envs.simulation import Simulation
+from tagtrack.envs.referee import LONE, gather_lone
+from tagtrack.envs.simulation import Simulation, bind
+
+_bound: list[Any] = []  # the compiled ``gather_lone``: not kept in environments, for it cannot be pickled
+
+
+def lone_sources(simulation: Simulation) -> tuple[np.ndarray, ...]:
+    """What ``tell_lone`` reads; whole arrays, for a copy of a view would be cut off from the copied simulation."""
+    worlds, outputs = simulation.worlds, simulation.outputs
+    truth, known = (worlds.encounters, worlds.vehicles, worlds.fish), (worlds.beliefs, worlds.navigation)
+    return (*truth, *known, outputs.error, outputs.terms)
+
+
+def tell_lone(sources: tuple[np.ndarray, ...]) -> np.ndarray:
+    """(14 + K,) numbers of one vehicle and one tag in the order of ``gather_lone``, an array of the caller's own.
+
+    Compiled, for to read the arrays from Python took as long as a quarter of a step.
+    """
+    told = np.empty(LONE + sources[-1].shape[2])
+    if not _bound:
+        _bound.append(bind(gather_lone, *sources, told))
+    _bound[0](*sources, told)
+    return told
 
 
 def tell_vehicles(simulation: Simulation) -> dict[str, np.ndarray]:
@@ -97,6 +123,14 @@ def team_reward(simulation: Simulation) -> np.ndarray:
         return reward[:, 0]
     part = ~simulation.worlds.vehicles["gone"]
     return np.where(part, reward, 0.0).sum(axis=1) / np.maximum(part.sum(axis=1), 1)
+
+
+def lone_reward(terms: np.ndarray) -> float:
+    """The sum of one vehicle's ``terms`` (K,) as ``Simulation.reward`` has it, bit for bit, in a third of the time.
+
+    Fewer than eight numbers numpy adds one after the other, more of them in eight sums at once.
+    """
+    return reduce(add, terms.tolist()) if len(terms) < 8 else float(np.add.reduce(terms))
 
 
 def all_have_left(simulation: Simulation) -> np.ndarray:

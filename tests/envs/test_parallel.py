@@ -214,6 +214,12 @@ def test_action_has_a_component_for_each_choice() -> None:
     assert infos["auv_0"]["messages"] == 0 and infos["auv_1"]["messages"] == 2
 
 
+def test_picture_before_reset_is_refused() -> None:
+    pytest.importorskip("pygame")
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset before render"):
+        parallel_env(vehicles=2, particles=20, render_mode="rgb_array").render()
+
+
 def test_course_is_relative_to_the_heading_where_there_are_several_tags() -> None:
     fleet = parallel_env(vehicles=1, tags=2, particles=50)
     fleet.reset(seed=2)

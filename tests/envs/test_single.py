@@ -19,6 +19,7 @@ from tagtrack.envs.rewards import Reward
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.single import TagTrackEnv
 from tagtrack.envs.task import TaskOptions
+from tagtrack.envs.telling import lone_reward, tell
 from tagtrack.envs.time_of_flight import TimeOfFlightEnv
 from tests.tasks import LONE
 
@@ -120,6 +121,26 @@ def test_info_tells_places_and_whose_word_it_is() -> None:
     navigation = env.simulation.worlds.navigation[0, 0]
     assert info["vehicle_position"].tolist() == [navigation["x"], navigation["y"]]
     assert np.hypot(*(info["vehicle_position"] - info["true_vehicle_position"])) > 0.1
+
+
+def test_quick_way_of_one_vehicle_and_one_tag_tells_what_others_are_told() -> None:
+    env = make(overrides={"vehicle.random_current": 0.3})
+    kept = [env.reset(seed=1)[1], *(env.step(AHEAD)[-1] for _ in range(30))]
+    again = make(overrides={"vehicle.random_current": 0.3})
+    again.reset(seed=1)
+    for step, info in enumerate(kept):
+        told = {name: values[0] for name, values in tell(again.simulation, np.array([step > 0])).items()}
+        assert sorted(told) == sorted(info)
+        for name in told:
+            np.testing.assert_array_equal(info[name], told[name], err_msg=name)
+        again.step(AHEAD)
+
+
+@pytest.mark.parametrize("count", range(1, 13))
+def test_reward_of_a_lone_vehicle_is_summed_as_numpy_sums(count: int) -> None:
+    draws = np.random.default_rng(count)
+    terms = draws.normal(size=(200, count)) * 10.0 ** draws.integers(-9, 9, (200, count))
+    assert [lone_reward(row) for row in terms] == terms.sum(axis=-1).tolist()
 
 
 def test_several_tags_have_a_row_each_and_their_mean_error_counts() -> None:
@@ -244,6 +265,16 @@ def test_episode_lasts_as_the_scenario_says_or_as_make_is_asked(episode_steps: i
 def test_step_before_reset_is_refused() -> None:
     with pytest.raises(gym.error.ResetNeeded, match="reset before step"):
         make().step(AHEAD)
+
+
+@pytest.mark.parametrize("render_mode", ["rgb_array", "human"])
+def test_picture_before_reset_is_refused(render_mode: str) -> None:
+    pytest.importorskip("pygame")
+    env = gym.make("TagTrack/LeopardShark-v0", particles=20, render_mode=render_mode)
+    unguarded = gym.wrappers.OrderEnforcing(env.unwrapped, disable_render_order_enforcing=True)
+    for each in (env.unwrapped, unguarded):
+        with pytest.raises(gym.error.ResetNeeded, match="call reset before render"):
+            each.render()
 
 
 def test_copy_of_an_environment_lives_on_by_itself() -> None:
