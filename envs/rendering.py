@@ -27,7 +27,7 @@ from tagtrack.envs.legend import (
     paint_shape,
     shade,
 )
-from tagtrack.envs.measurement import measurement
+from tagtrack.envs.measurement import Status, measurement
 from tagtrack.envs.sensors.sensor import Glimpse
 from tagtrack.envs.simulation import Simulation
 
@@ -42,28 +42,21 @@ ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distr
 class Reading(NamedTuple):
     """The last reading of a vehicle and a tag."""
 
-    place: np.ndarray  # of the vehicle, as it believed [m]
-    compass: float
-    glimpse: Glimpse
+    measurement: Any  # a record
+    estimated: float  # the belief's number of the sensor at that time
 
 
 class Picture:
     """Follows one world of a simulation and paints it. Call ``follow`` after each reset and step.
 
-    Raises:
-        ImportError: without pygame-ce, when it is made.
+    To follow costs little and needs no pygame, for many are asked for pictures that nobody looks at: Stable-Baselines3's
+    ``make_vec_env`` makes all its environments with ``render_mode="rgb_array"``.
     """
 
     def __init__(self, simulation: Simulation, world: int = 0) -> None:
-        try:
-            import pygame
-        except ImportError:
-            raise ImportError('rendering needs pygame-ce: pip install "tagtrack[render]"') from None
-        self._pygame: Any = pygame
-        self._legend = Legend(simulation, world)
         self._simulation = simulation
         self._world = world
-        self._canvas = pygame.Surface((SIDE, SIDE))
+        self._canvas: Any = None  # made for the first picture
         self._window: Any = None
         self._clock: Any = None
         sensor = simulation.scenario.belief.receiver
@@ -74,66 +67,78 @@ class Picture:
     def hold_view(self, low: np.ndarray, high: np.ndarray) -> None:
         """Show this rectangle from now on, both corners (2,) [m], whatever may leave it: pictures side by side want one scale."""
         self._held = np.asarray(low, float), np.asarray(high, float)
-        self._low, self._high = self._held
 
     def _begin(self) -> None:
         self._vehicle_track: list[np.ndarray] = []
         self._fish_track: list[np.ndarray] = []
         self._readings: dict[tuple[int, int], Reading] = {}
-        self._low = np.full(2, -NEAREST_VIEW)
+        self._low = np.full(2, -NEAREST_VIEW)  # of all that the particles have covered
         self._high = np.full(2, NEAREST_VIEW)
 
     def __getstate__(self) -> dict[str, Any]:
         """What a copy, or a pickle, goes on with; it paints on a canvas and in a window of its own."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_pygame", "_legend", "_canvas")} | {
-            "_window": None,
-            "_clock": None,
-        }
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(state["_simulation"], state["_world"])  # type: ignore[misc]
-        self.__dict__.update(state)
+        own = {name: value for name, value in self.__dict__.items() if name not in ("_pygame", "_legend")}
+        return own | {"_canvas": None, "_window": None, "_clock": None}
 
     def follow(self) -> None:
         """Note where everything is now; a world at step 0 begins a new picture."""
-        simulation, world = self._simulation, self._world
-        if simulation.worlds.clock["step"][world] == 0:
+        worlds, world = self._simulation.worlds, self._world
+        if worlds.clock["step"][world] == 0:
             self._begin()
-        self._vehicle_track.append(simulation.vehicle_position[world])
-        self._fish_track.append(simulation.fish_position[world].astype(float))
-        for v, t in np.argwhere(simulation.detected[world]).tolist():
+        vehicles = worlds.vehicles[world]
+        self._vehicle_track.append(np.stack((vehicles["x"], vehicles["y"]), axis=-1))
+        self._fish_track.append(worlds.fish[world, :, :2, 0].astype(float))
+        heard = worlds.measurements["status"][world] == int(Status.HEARD)
+        for v, t in np.argwhere(heard).tolist() if heard.any() else ():
             self._readings[v, t] = self._read(v, t)
+        particles = worlds.particles[world, ..., :2, :]
+        self._low = np.minimum(self._low, particles.min(axis=-1).min(axis=(0, 1)))
+        self._high = np.maximum(self._high, particles.max(axis=-1).max(axis=(0, 1)))
+
+    def _view(self) -> tuple[np.ndarray, np.ndarray]:
+        """The rectangle to show; it only widens, so that it holds still."""
         if self._held is not None:
-            self._low, self._high = self._held
-            return
-        for points in (self._vehicle_track[-1], self._fish_track[-1], self._particles()):
-            self._low = np.minimum(self._low, points.min(axis=0))  # the view only widens, so that it holds still
-            self._high = np.maximum(self._high, points.max(axis=0))
+            return self._held
+        seen = np.concatenate(self._vehicle_track + self._fish_track)
+        return np.minimum(self._low, seen.min(axis=0)), np.maximum(self._high, seen.max(axis=0))
 
     def _read(self, v: int, t: int) -> Reading:
         worlds, world = self._simulation.worlds, self._world
-        record = worlds.measurements[world, v, t]
         estimated = float(worlds.beliefs["estimated"][world, 0 if worlds.beliefs.shape[1] == 1 else v, t])
-        glimpse = self._simulation.scenario.belief.receiver.glimpse(record, estimated)
-        return Reading(np.array([record["x"], record["y"]]), float(record["heading"]), glimpse)
+        return Reading(worlds.measurements[world, v, t].copy(), estimated)
+
+    def _glimpse(self, reading: Reading) -> Glimpse:
+        return self._simulation.scenario.belief.receiver.glimpse(*reading)
 
     def _tell_readings(self) -> list[str]:
-        return [each.glimpse.words for each in self._readings.values()]
+        return [self._glimpse(each).words for each in self._readings.values()]
+
+    def _prepare(self) -> None:
+        """Make what is painted on. Raises ImportError without pygame-ce."""
+        try:
+            import pygame
+        except ImportError:
+            raise ImportError('rendering needs pygame-ce: pip install "tagtrack[render]"') from None
+        self._pygame: Any = pygame
+        self._legend = Legend(self._simulation, self._world)
+        self._canvas = pygame.Surface((SIDE, SIDE))
 
     def paint(self) -> np.ndarray:
-        """The picture, (MAP, MAP + PANEL, 3) uint8."""
-        rows = self._pygame.image.tobytes(self._paint_surface(), "RGB")
+        """The picture, (MAP, MAP + PANEL, 3) uint8. Raises ImportError without pygame-ce."""
+        surface = self._paint_surface()
+        rows = self._pygame.image.tobytes(surface, "RGB")
         return np.frombuffer(rows, np.uint8).reshape(MAP, MAP + PANEL, 3).copy()
 
     def show(self) -> bool:
         """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``; whether nobody has asked to close it."""
+        surface = self._paint_surface()
         pygame = self._pygame
         if self._window is None:
             pygame.display.init()
             pygame.display.set_caption("TagTrack")
             self._window = pygame.display.set_mode((MAP + PANEL, MAP))
             self._clock = pygame.time.Clock()
-        self._window.blit(self._paint_surface(), (0, 0))
+        self._window.blit(surface, (0, 0))
         closed = bool(pygame.event.get(pygame.QUIT))
         pygame.event.pump()
         pygame.display.flip()
@@ -146,20 +151,18 @@ class Picture:
             self._pygame.display.quit()
             self._window = None
 
-    def _particles(self) -> np.ndarray:
-        """(M, 2) all particles of the world [m]."""
-        particles = self._simulation.worlds.particles[self._world, ..., :2, :]
-        return np.moveaxis(particles, -2, -1).reshape(-1, 2)
-
     def _pixel(self, place: Any) -> np.ndarray:
         """Where on the canvas places (..., 2) [m] are."""
         offset = (np.asarray(place, float) - self._centre) * self._scale
         return offset * (1.0, -1.0) + 0.5 * SIDE
 
     def _paint_surface(self) -> Any:
+        if self._canvas is None:
+            self._prepare()
         pygame = self._pygame
-        self._centre = 0.5 * (self._low + self._high)
-        self._scale = SIDE / (1.12 * float((self._high - self._low).max()))  # pixels of the canvas per metre
+        low, high = self._view()
+        self._centre = 0.5 * (low + high)
+        self._scale = SIDE / (1.12 * float((high - low).max()))  # pixels of the canvas per metre
         self._paint_water()
         self._paint_readings()
         self._paint_tracks()
@@ -191,9 +194,11 @@ class Picture:
     def _paint_readings(self) -> None:
         """The last reading of each vehicle and tag: its bearing, give or take sigma, on both sides, and a ring at its range."""
         layer = self._pygame.Surface((SIDE, SIDE), self._pygame.SRCALPHA)
-        for (v, t), (place, compass, glimpse) in self._readings.items():
+        for (v, t), reading in self._readings.items():
             if not self._simulation.worlds.navigation["active"][self._world, v]:
                 continue
+            glimpse, record = self._glimpse(reading), reading.measurement
+            place, compass = np.array([record["x"], record["y"]]), float(record["heading"])
             fresh = math.exp(-self._simulation.listeners["silence"][self._world, v, t] / 30.0)  # it fades
             if glimpse.fan is not None:
                 self._paint_fan(layer, (*VEHICLE, 20 + 60 * fresh), place, compass, glimpse.fan)

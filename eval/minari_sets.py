@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -65,14 +66,17 @@ class Minari:
                         raise
                     print(f"{name}: left out ({error})")
                     continue
-                data = minari.create_dataset_from_buffers(
-                    name,
-                    list(record_episodes(env_id, maker, self.trial)),
-                    env=gymnasium.make(f"tagtrack:{env_id}"),
-                    algorithm_name=spec,
-                    description=f"{self.trial.episodes} episodes of {env_id} under {spec}, seeds from {self.trial.seed} on",
-                    data_format="hdf5",
-                )
+                episodes = list(record_episodes(env_id, maker, self.trial))
+                with warnings.catch_warnings():  # that nobody is named as author, and the like
+                    warnings.filterwarnings("ignore", message="`.*` is set to None", category=UserWarning)
+                    data = minari.create_dataset_from_buffers(
+                        name,
+                        episodes,
+                        env=gymnasium.make(f"tagtrack:{env_id}"),
+                        algorithm_name=spec,
+                        description=f"{self.trial.episodes} episodes of {env_id} under {spec}, seeds from {self.trial.seed} on",
+                        data_format="hdf5",
+                    )
                 print(f"{name}: {data.total_episodes} episodes, {data.total_steps} steps under {spec}")
 
 

@@ -13,7 +13,7 @@ from gymnasium.error import ResetNeeded
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from tagtrack.envs.batch_views import RENDERING, Pictures, WorldView
+from tagtrack.envs.batch_views import MOST_PICTURES, RENDERING, Pictures, WorldView
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import action_space, observation_space
 from tagtrack.envs.task import Task, TaskOptions, build_task, episode_limit
@@ -72,13 +72,16 @@ class TagTrackVecEnv(VecEnv):
             task = build_task(env_id, **options)
         else:
             made = read_functions(env_id)
-            task, render_mode, max_episode_steps = made.task, made.render_mode, max_episode_steps or made.episode_limit
+            task, max_episode_steps = made.task, max_episode_steps or made.episode_limit
             num_envs = num_envs or len(env_id) * task.scenario.vehicles
+            # ``make_vec_env`` asks for pictures by itself; of more worlds than anybody can look at nobody wants them.
+            render_mode = made.render_mode if num_envs <= MOST_PICTURES * task.scenario.vehicles else None
         self.hold = _whole_number("hold", hold)
         worlds = _count_worlds(num_envs, task.scenario.vehicles)
         self.simulation = Simulation(task.scenario, worlds, threads=threads, tracks=task.tracks)
         self.render_mode = render_mode  # the base class asks for it
         self._pictures = Pictures(self.simulation, render_mode)
+        self._watched = isinstance(env_id, (str, Task))  # others say who wants pictures by asking for the first one
         rows = worlds * task.scenario.vehicles
         super().__init__(rows, observation_space(task.scenario), action_space(task.scenario))
         self.metadata = {**self.metadata, "render_fps": RENDERING["render_fps"]}
@@ -109,7 +112,7 @@ class TagTrackVecEnv(VecEnv):
         worlds = self.simulation.num_worlds
         self._head_start[:] = np.arange(worlds) * self.episode_limit // worlds if self.stagger else 0
         self._forget(np.ones(worlds, bool))
-        self._pictures.follow()
+        self._follow()
         return self._observe()
 
     def go_on_from(self, state: tuple[np.ndarray, ...]) -> None:
@@ -147,7 +150,7 @@ class TagTrackVecEnv(VecEnv):
             simulation.reset(mask=ended)
             self._head_start[ended] = 0
             self._forget(ended)
-        self._pictures.follow()
+        self._follow()
         dones = np.repeat(ended, shape[1])
         return self._observe(), reward.ravel().astype(np.float32), dones, infos
 
@@ -203,9 +206,16 @@ class TagTrackVecEnv(VecEnv):
         """A picture (H, W, 3) uint8 of each world, None without a render mode; ``render`` lays them out as a grid."""
         return [self._paint(world) for world in range(self.simulation.num_worlds)]
 
+    def _follow(self) -> None:
+        if self._watched:
+            self._pictures.follow()
+
     def _paint(self, world: int) -> np.ndarray | None:
         if self.render_mode is not None and not self._begun:
             raise ResetNeeded("call reset before render")
+        if not self._watched:
+            self._watched = True
+            self._pictures.follow()
         return self._pictures.paint(world)
 
     def _views(self, indices: int | Iterable[int] | None) -> list[WorldView]:

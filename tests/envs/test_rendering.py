@@ -136,6 +136,16 @@ def test_human_mode_keeps_the_frame_rate(monkeypatch: pytest.MonkeyPatch) -> Non
     env.close()
 
 
+def test_environment_lives_without_pygame_until_a_picture_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stable-Baselines3's ``make_vec_env`` asks for ``rgb_array`` on behalf of people who never look."""
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    env = sailed(steps=3, render_mode="rgb_array")
+    with pytest.raises(ImportError, match=r'pip install "tagtrack\[render\]"'):
+        env.render()
+    with pytest.raises(ImportError, match=r'pip install "tagtrack\[render\]"'):
+        TagTrackEnv(render_mode="human").reset()
+
+
 def test_render_without_a_mode_warns_and_returns_nothing() -> None:
     env = sailed(steps=1, render_mode=None)
     with pytest.warns(UserWarning, match="render_mode="):
@@ -236,12 +246,6 @@ def test_readings_that_find_no_room_are_counted() -> None:
     lines = legend._wrap(["1234 m"] * 20, 123)
     assert len(lines) == 3 and sum(line.count("1234 m") for line in lines) + int(lines[-1].rpartition("+")[2]) == 20
     assert legend._wrap([], 123) == []
-
-
-def test_missing_pygame_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(ImportError, match=r'pip install "tagtrack\[render\]"'):
-        TagTrackEnv(particles=10, render_mode="rgb_array")
 
 
 def test_unknown_mode_is_refused_with_the_known_ones() -> None:

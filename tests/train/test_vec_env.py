@@ -301,6 +301,31 @@ def test_batch_takes_no_environments_that_do_more_than_it_does(tmp_path: Path) -
         TagTrackVecEnv([])
 
 
+def test_batch_of_functions_follows_worlds_from_the_first_picture_on() -> None:
+    """``make_vec_env`` asks for pictures by itself, of hundreds of worlds, too: who looks at none pays for none."""
+    pytest.importorskip("pygame")
+    many = make_vec_env("TagTrack/LeopardShark-v0", 65, env_kwargs={"particles": 10}, vec_env_cls=TagTrackVecEnv)
+    many.reset()
+    assert many.render_mode is None
+    env = make_vec_env("TagTrack/LeopardShark-v0", 2, env_kwargs={"particles": 10}, vec_env_cls=TagTrackVecEnv)
+    own = TagTrackVecEnv("TagTrack/LeopardShark-v0", 2, particles=10, render_mode="rgb_array")
+    for each in (env, own):
+        each.seed(3)
+        each.reset()
+    for actions in ACTIONS[:3]:
+        env.step(actions[:2])
+        own.step(actions[:2])
+    late = env.env_method("render", indices=0)[0]
+    assert late.shape == own.env_method("render", indices=0)[0].shape and (late != own.env_method("render", indices=0)[0]).any()
+    for each in (env, own):
+        each.seed(3)
+        each.reset()
+    for actions in ACTIONS[:3]:
+        env.step(actions[:2])
+        own.step(actions[:2])
+    np.testing.assert_array_equal(env.get_images(), own.get_images())
+
+
 def test_pictures_are_laid_out_and_recorded(tmp_path: Path) -> None:
     pytest.importorskip("pygame")
     env = make(num_envs=2, render_mode="rgb_array")
