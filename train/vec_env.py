@@ -47,7 +47,8 @@ class TagTrackVecEnv(VecEnv):
         env_id: or a ``Task``; or functions that make one single environment each, as ``make_vec_env`` hands over: as many worlds
             of the first one's task. options: as for ``TagTrackEnv``.
         num_envs: rows, worlds times vehicles, as Stable-Baselines3 counts them; those of one world if None.
-        max_episode_steps, threads, render_mode: as for ``TagTrackVectorEnv``. ``get_images`` gives a picture of each world.
+        max_episode_steps, threads, render_mode: as for ``TagTrackVectorEnv``. ``get_images`` gives a picture of each world;
+            made of functions, it draws tracks from the first picture on, and beyond 64 worlds it gives none.
         stagger: spread the ends of the first episodes evenly over an episode's length, lest all worlds start anew
             together; those episodes are shorter.
         hold: steps of the environment that one action lasts. The course chosen is held: where actions are relative to the own
