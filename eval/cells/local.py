@@ -52,7 +52,10 @@ def run_in_processes(
             return
         except BrokenProcessPool:
             continue
-    raise OSError(f"processes were ended from outside {ATTEMPTS} times: too little memory? Take fewer with --processes")
+    raise OSError(
+        f"processes ended {ATTEMPTS} times before their work was done: too little memory (take fewer with --processes), or a "
+        "program that starts them outside of `if __name__ == '__main__':`"
+    )
 
 
 def _run_once(

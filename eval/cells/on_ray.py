@@ -82,7 +82,10 @@ def connect(address: str | None, processes: int | None) -> Any:
         _require_answer(found)
     alone: dict[str, Any] = {} if found else {"num_cpus": processes, "include_dashboard": False}
     environment = {"env_vars": dict.fromkeys(ONE_THREAD, "1")}
-    ray.init(address=address, logging_level="ERROR", log_to_driver=False, runtime_env=environment, **alone)
+    try:
+        ray.init(address=address, logging_level="ERROR", log_to_driver=False, runtime_env=environment, **alone)
+    except RuntimeError as error:  # other versions of Ray or Python there, for instance
+        raise ConnectionError(f"no way into the Ray cluster: {' '.join(str(error).split())}") from None
     return ray
 
 

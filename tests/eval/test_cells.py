@@ -65,7 +65,7 @@ def test_a_process_that_is_killed_costs_only_what_it_was_at(tmp_path):
 
 
 def test_processes_that_are_killed_again_and_again_are_an_error():
-    with pytest.raises(OSError, match="ended from outside 3 times.*--processes"):
+    with pytest.raises(OSError, match="ended 3 times before their work was done.*--processes"):
         Engine(processes=2).run([cell(1, kill_the_process_once, None), cell(2)])
 
 
