@@ -7,6 +7,9 @@ SPEED_ARGS := --env TagTrack/LeopardShark-v0 --num-worlds 1 64 256 --particles 1
 VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip --disable-pip-version-check
+# On a terminal pip shows what it does; in a pipe only what goes wrong. To write byte code of all files, tests of other people
+# included, would take longer than all the rest: Python writes it for what is imported.
+INSTALL = $(PIP) install $$([ -t 1 ] || echo -qq) --no-compile --constraint constraints.txt
 # The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
 STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 
@@ -74,12 +77,16 @@ $(STAMP): pyproject.toml constraints.txt
 	    { echo '$(PYTHON) cannot make virtual environments. On Debian and Ubuntu: apt install python3-venv' >&2; exit 1; }; \
 	  echo 'Making $(VENV) ...'; "$(PYTHON)" -m venv --clear $(VENV); }
 	@rm -f $(VENV)/.ready-*
+	@# The pip that comes with Python may need twice as long, and say nothing meanwhile; but it will do.
+	@$(PIP) install -qq --constraint constraints.txt --retries 0 --timeout 10 --upgrade pip 2>/dev/null || :
 	@echo 'Installing torch, the CPU build: some 200 MB, once ...'
-	@$(PIP) install -qq --no-deps --constraint constraints.txt --index-url "$(TORCH_INDEX)" --retries 0 --timeout 10 torch 2>/dev/null || { \
+	@$(INSTALL) --no-deps --index-url "$(TORCH_INDEX)" --retries 0 --timeout 10 torch 2>/dev/null || { \
 	  echo 'No torch from $(TORCH_INDEX) (no network, or no build for this machine): taking it from the default package index.'; \
-	  $(PIP) install -qq --constraint constraints.txt torch; }
-	@echo 'Installing TagTrack and its other dependencies ...'
-	@$(PIP) install -qq --constraint constraints.txt --editable '.[dev]'
+	  $(INSTALL) torch; }
+	@echo 'Installing TagTrack and its other dependencies, some 90 packages ...'
+	@$(INSTALL) --editable '.[dev]'
+	@echo 'Importing them for the first time ...'
+	@$(RUN) -c 'import stable_baselines3, tagtrack.envs.single'
 	@touch $@
 
 clean:
