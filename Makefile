@@ -9,7 +9,7 @@ RUN := $(VENV)/bin/python
 PIP := $(RUN) -m pip --disable-pip-version-check
 # On a terminal pip shows what it does; in a pipe only what goes wrong. To write byte code of all files, tests of other people
 # included, would take longer than all the rest: Python writes it for what is imported.
-INSTALL = $(PIP) install $$([ -t 1 ] || echo -qq) --no-compile --constraint constraints.txt
+INSTALL = quiet=-qq; [ ! -t 1 ] || quiet=; $(PIP) install $$quiet --no-compile --constraint constraints.txt
 # The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
 STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 

@@ -7,7 +7,7 @@ import numpy as np
 from tagtrack.envs.belief.listening import get_to_know, ping_phase
 from tagtrack.envs.belief.row import begin_listeners, begin_row, correct_row, predict_row
 from tagtrack.envs.belief.summary import summarize
-from tagtrack.envs.kernels.compiling import inner
+from tagtrack.envs.kernels.compiling import inner, outlined
 from tagtrack.envs.kernels.random import place_of, stream_of
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.observation import (
@@ -21,7 +21,7 @@ from tagtrack.envs.observation import (
 )
 
 
-@inner
+@outlined
 def begin_beliefs(b, p, worlds, scratch):
     """First particles about each belief's vehicle; nothing was heard, nothing told."""
     stream = stream_of(worlds.clock[b])
@@ -105,7 +105,7 @@ def meet_mates(b, p, worlds):
                 worlds.mates[b, w, v].known = worlds.navigation[b, v].active
 
 
-@inner
+@outlined
 def condense(b, p, worlds):
     """The summary of every belief, as it is after each step, at the beginning."""
     for o in range(worlds.beliefs.shape[1]):

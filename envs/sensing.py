@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tagtrack.envs.kernels.compiling import inner
+from tagtrack.envs.kernels.compiling import inner, outlined
 from tagtrack.envs.kernels.random import FISH, PURPOSES, START, TRACK, fill_bits, place_of, stream_of, uniform_pair
 from tagtrack.envs.measurement import Status
 from tagtrack.envs.motions.motion import begin_at, follow_at, start_swimming, swim
@@ -18,7 +18,7 @@ from tagtrack.envs.sim.tags import ping_within, start_pinging
 from tagtrack.envs.sim.vehicle import draw_power, hold_course, launch, turn_back
 
 
-@inner
+@outlined
 def begin_truth(b, p, tracks, places, worlds, scratch):
     """Launch the vehicles at ``places`` (V, 2), put the fish in the water, and let nobody have heard or sent anything."""
     stream = stream_of(worlds.clock[b])

@@ -15,7 +15,7 @@ from tagtrack.envs.belief.assumptions import Estimate
 from tagtrack.envs.belief.listening import begin_listening, note
 from tagtrack.envs.belief.recovery import follow_likelihood, scatter_share, wants_second_resampling
 from tagtrack.envs.belief.renewal import is_refuted, part_siblings, renew, scatter_on_ring, spread_estimated, walk_estimated
-from tagtrack.envs.kernels.compiling import compiled, inner
+from tagtrack.envs.kernels.compiling import compiled, inner, outlined
 from tagtrack.envs.kernels.motion_loops import scatter_on_annulus, scatter_uniformly
 from tagtrack.envs.kernels.random import PREDICT, PURPOSES, RESAMPLE, SPREAD, fill_bits, uniform_pair
 from tagtrack.envs.kernels.resample_loops import copy_row, fill_row, heaviest, normalize, resample
@@ -174,7 +174,7 @@ def is_told(listener, rule):
     return listener.status == Status.MISSED and rule.weighs_silence
 
 
-@inner
+@outlined
 def weigh_all(particles, carried, measurements, listeners, rule, scratch):
     """The weights by what all vehicles tell, and by what the particles carry."""
     if carried.shape[0] > 0:
@@ -194,7 +194,7 @@ def weigh(particles, measurement, rule, scratch):
     )
 
 
-@compiled
+@outlined
 def draw_by_weight(particles, carried, belief, offset, rule, scratch):
     """Resample, and keep hold of the particle that weighed most. Returns whether: or particles carry their weights on.
 

@@ -16,14 +16,16 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import lru_cache
+from functools import lru_cache, update_wrapper
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import numba
 from numba.core import event
 from numba.core.caching import CacheImpl, _CacheLocator
 
+from tagtrack.envs.kernels.parts import OptimizedPartCompiler, PartCompiler
 from tagtrack.envs.kernels.turns import compile_in_turn
 
 if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
@@ -37,7 +39,7 @@ FAST_MATHS = {"contract", "reassoc", "nsz", "arcp"}
 
 # What a kernel and an import within the package look like. To search the text takes a tenth of the time that parsing it would
 # take at each start; tests/envs/test_compiling.py holds both against Python's own parser.
-_DECORATOR = rb"@(?:compiled|inner|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b"
+_DECORATOR = rb"@(?:compiled|inner|outlined|native|numba\.|n?jit|cfunc|intrinsic|overload\w*|(?:gu)?vectorize)\b"
 _KERNEL = re.compile(rb"^[ \t]*" + _DECORATOR, re.MULTILINE)
 _IMPORT = re.compile(rb"^[ \t]*(?:from|import)[ \t]+tagtrack\.envs\b([\w.]*)(?:[ \t]+import[ \t]+(\([^)]*\)|.*))?", re.MULTILINE)
 
@@ -189,8 +191,8 @@ _njit: Any = numba.njit  # its types know only some of the options
 # numba refuses to compile one that would. To count them, by two locked additions for each array of a tuple at each call of an
 # inlined function, took half of all that a step costs beside its particles.
 #
-# Callees are inlined before they are optimized. Otherwise the linker takes whichever version of a callee it saw first, that of a
-# direct call or that of the step, and two optimizations of one loop may differ in the last bit.
+# Loops are inlined into the kernel that runs them. Otherwise the linker takes whichever version of a callee it saw first, that of
+# one kernel or that of another, and two optimizations of one loop may differ in the last bit.
 _OPTIONS = {
     "cache": True, "nogil": True, "fastmath": FAST_MATHS, "error_model": "numpy", "forceinline": True, "_nrt": False,
     "no_cfunc_wrapper": True,
@@ -198,19 +200,38 @@ _OPTIONS = {
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows."""
+    """Compile a kernel: cached on disk, free of the interpreter lock, SIMD where its loop allows.
+
+    Compiled callers get a part of their own: of what Python never calls directly there is no other code.
+    """
     kernel = _njit(**_OPTIONS)(function)
     compile_in_turn(kernel)
+    twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
+    update_wrapper(twin, function).__qualname__ += ".part"
+    part = _part(twin, OptimizedPartCompiler)
+    kernel.get_call_template, kernel.get_overload = part.get_call_template, part.get_overload
     return kernel
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile a part of kernels that only compiled code calls; without a door for Python the first compile is a fifth shorter.
+    """Compile a part of kernels that only compiled code calls, and inlines.
 
     Raises:
         TypeError: when Python calls it.
     """
-    part = _njit(**_OPTIONS, no_cpython_wrapper=True)(function)
+    return _part(function, PartCompiler)
+
+
+def outlined(function: Callable[..., Any]) -> Any:
+    """As ``inner``, but called: for what is long and stands in several places, or at an episode's beginning.
+
+    To inline all of it takes the compiler longer. Not for what each step hands the ``worlds``: a call copies all their fields.
+    """
+    return _part(function, PartCompiler, forceinline=False)
+
+
+def _part(function: Callable[..., Any], compiler: type[PartCompiler], **options: Any) -> Any:
+    part = _njit(**{**_OPTIONS, **options}, no_cpython_wrapper=True, pipeline_class=compiler)(function)
 
     def register(result: Any) -> None:  # for callers that are compiled; not in the table of calls from Python
         part.overloads[tuple(result.signature.args)] = result

@@ -5,6 +5,7 @@ Twenty workers that start in a new place would otherwise each compile the same k
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ from typing import IO, Any
 from numba.core.caching import FunctionCache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
+from numba.core.sigutils import normalize_signature
 
 fcntl: Any = None if sys.platform == "win32" else import_module("fcntl")  # without it each compiles for itself
 
@@ -29,6 +31,7 @@ class _Turn:
     def __init__(self) -> None:
         self._depth = 0
         self._file: IO[bytes] | None = None
+        self._collects = True
 
     @contextmanager
     def take(self, folder: str) -> Iterator[None]:
@@ -36,14 +39,19 @@ class _Turn:
         with global_compiler_lock:
             if self._depth == 0:
                 self._file = _lock(Path(folder) / LOCK)
+                self._collects = gc.isenabled()
+                gc.disable()  # nothing of what a compiler builds is garbage before it is done; to look took a tenth of the time
             self._depth += 1
             try:
                 yield
             finally:
                 self._depth -= 1
-                if self._depth == 0 and self._file is not None:
-                    self._file.close()  # unlocks, too
-                    self._file = None
+                if self._depth == 0:
+                    if self._collects:
+                        gc.enable()
+                    if self._file is not None:
+                        self._file.close()  # unlocks, too
+                        self._file = None
 
 
 TURN = _Turn()
@@ -85,6 +93,8 @@ def compile_in_turn(kernel: Any) -> None:
 
     def compile(signature: Any) -> Any:
         cache = kernel._cache
+        if tuple(normalize_signature(signature)[0]) in kernel.overloads:
+            return compile_now(signature)
         if not hasattr(cache, "_cache_file") or is_cached(cache, signature, kernel.targetctx):
             return compile_now(signature)
         with TURN.take(cache.cache_path):

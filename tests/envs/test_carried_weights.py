@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tagtrack.envs.belief import row as row_of_particles
 from tagtrack.envs.belief.assumptions import Belief, Estimate, filter_rule
 from tagtrack.envs.belief.filter import ParticleFilter
 from tagtrack.envs.belief.recovery import Recovery, scatter_share
 from tagtrack.envs.belief.renewal import renew
-from tagtrack.envs.belief.row import BELIEF, draw_by_weight, make_scratch
+from tagtrack.envs.belief.row import BELIEF, make_scratch
 from tagtrack.envs.belief.summary import summarize
+from tagtrack.envs.kernels.compiling import compiled
 from tagtrack.envs.kernels.motion_loops import advance_by_weight
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.measurement import NAVIGATION, measurement
@@ -25,6 +27,12 @@ from tagtrack.envs.tag import Tag
 STREAMS = [(np.uint64(7), np.uint64(0), np.uint64(0), np.uint64(step)) for step in range(4)]
 AT_REST = MomentumRandomWalk(speed_sigma=1e-6, turn_sigma=1e-6, max_speed=1e-6)
 VAGUE = Belief(particles=2000, motion=AT_REST, receiver=RangeReceiver(range_sigma=60.0), resample_below=0.05, half_width=50.0)
+
+
+@compiled
+def draw_by_weight(particles, carried, belief, offset, rule, scratch):
+    """The part of the step, for Python to call."""
+    return row_of_particles.draw_by_weight(particles, carried, belief, offset, rule, scratch)
 
 
 def carrying(name: str, share: float = 0.5, **changes: object) -> Scenario:
