@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from llvmlite import binding, ir
-from numba.core.codegen import JITCodeLibrary
+from numba.core.cgutils import ir  # ``ir``: numba's own builder of LLVM code
+from numba.core.codegen import JITCodeLibrary, ll  # ``ll``: LLVM itself
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.untyped_passes import IRProcessing
@@ -27,8 +27,8 @@ class Part(JITCodeLibrary):
         """Keep the code for those who link it; what becomes machine code is an empty module."""
         linked = self._final_module
         for function in linked.functions:
-            if not function.is_declaration and function.linkage == binding.Linkage.external:
-                function.linkage = binding.Linkage.linkonce_odr  # several kernels hold it
+            if not function.is_declaration and function.linkage == ll.Linkage.external:
+                function.linkage = ll.Linkage.linkonce_odr  # several kernels hold it
         rest = self._codegen._create_empty_module(self.name)
         for variable in linked.global_variables:
             if variable.name.startswith(ENVIRONMENT):
@@ -36,7 +36,7 @@ class Part(JITCodeLibrary):
                 own.linkage = "common"
                 own.initializer = ir.Constant(own.value_type, None)
         self._shared_module = linked
-        self._final_module = binding.parse_assembly(str(rest))
+        self._final_module = ll.parse_assembly(str(rest))
         self._final_module.name = linked.name
         super()._finalize_final_module()
 
