@@ -23,7 +23,7 @@ from tagtrack.policies.box import boxed_policy
 ARGS = re.compile(r"^Args:\n((?:    .*\n?)+)", re.MULTILINE)
 FLEETS = "fleets-of-vehicles"
 NOT_YET = "No run of this version yet: `tagtrack eval suite --policies heuristic pursuit --out docs/leaderboard.json` does it.\n"
-FIRST, LAST = ("commands", "api"), ("design", "contributing", "changelog")
+FIRST, LAST = ("commands", "api"), ("design", "contributing", "release", "changelog")
 
 
 def write_pages(docs: Path) -> None:

@@ -15,11 +15,6 @@ from typing import Any
 
 import pytest
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "examples" / "interop"
 
@@ -133,10 +128,3 @@ def test_error_of_an_installation_is_told_in_its_own_line() -> None:
     done = subprocess.CompletedProcess([], 1, "", "WARNING: x\nERROR: no version of ray\n\nhint: see the page\n")
     assert matrix.last_words(done) == "ERROR: no version of ray"
     assert matrix.last_words(subprocess.CompletedProcess([], 1, "", "")) == "it ended without a word"
-
-
-def test_ranges_for_consumers_are_those_of_the_package() -> None:
-    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lines = (REPOSITORY / "constraints-consumers.txt").read_text(encoding="utf-8").splitlines()
-    ranges = {line for line in lines if line and not line.startswith("#")}
-    assert ranges == {each for each in project["dependencies"] if ">" in each}

@@ -1,15 +1,17 @@
-"""What a release must be, gone through: versions, a wheel and an sdist, an empty venv, strict types.
+"""What a release must be, gone through: versions, a wheel and an sdist, an empty venv of each Python, strict types.
 
-    python -m tests.harness.release [--python PYTHON] [--keep]
+    python -m tests.harness.release [--python PYTHON ...] [--constraint FILE ...] [--keep DIR]
 
-The wheel is built from the sdist and installed, with the tested versions of its dependencies, where nothing else is. Downloads
-some 400 MB the first time. What a program cannot check is printed as a list at the end.
+The wheel is built from the sdist and installed where nothing else is, in each Python with each file of versions: constraints.txt
+(tested), constraints-consumers.txt (the newest ones allowed), constraints-lowest.txt (the oldest, on Python 3.11). Downloads some
+400 MB the first time. What a program cannot check is printed as a list at the end.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import itertools
 import re
 import shutil
 import subprocess
@@ -19,34 +21,17 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from tests.harness.release_venv import Checks, try_out
+
 ROOT = Path(__file__).resolve().parents[2]
-TORCH_INDEX = "https://download.pytorch.org/whl/cpu"
-CONSUMER = ROOT / "tests" / "harness" / "typed" / "consumer.py"
-SMALL = ("--set", "episode_steps=10", "--particles", "40", "--episodes", "4")
 BY_HAND = (
     "CHANGELOG.md: [Unreleased] is renamed to the version with its date, and an empty [Unreleased] begins",
     "an id whose dynamics, observation or reward changed has a new -vN",
     "make test, make test ARGS='-m slow', make kill, make fuzz ARGS=1e5 and make soak ARGS=3600 have passed on this commit",
     "the tables of the README stand beside the commands that made them, and those were run on this commit",
     "a tag vVERSION on the commit, signed",
+    "the lists of environments of Gymnasium and PettingZoo: their entries, with all that they need, stand in docs/release.md",
 )
-
-
-class Checks:
-    """A line for each check, and whether all were good."""
-
-    def __init__(self) -> None:
-        self.failed: list[str] = []
-
-    def note(self, what: str, good: bool, why: str = "") -> None:
-        print(f"{'ok    ' if good else 'FAILED'}  {what}{'' if good or not why else f': {why}'}", flush=True)
-        if not good:
-            self.failed.append(what)
-
-    def run(self, what: str, *command: str | Path, cwd: Path = ROOT) -> str:
-        done = subprocess.run([str(word) for word in command], cwd=cwd, capture_output=True, text=True)
-        self.note(what, done.returncode == 0, " ".join((done.stderr or done.stdout).split())[-300:])
-        return done.stdout
 
 
 def check_versions(checks: Checks) -> str:
@@ -98,35 +83,11 @@ def build(checks: Checks, place: Path, version: str) -> Path:
     return wheel
 
 
-def try_out(checks: Checks, place: Path, wheel: Path, python: str, version: str) -> None:
-    """Install the wheel where nothing is, and use it from a folder where nothing lies."""
-    venv, empty = place / "venv", place / "empty"
-    empty.mkdir()
-    checks.run(f"an empty venv of {python}", python, "-m", "venv", venv)
-    inside = venv / "bin" / "python"
-    pip = (inside, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--constraint", ROOT / "constraints.txt")
-    checks.run("torch, the CPU build", *pip, "--no-deps", "--index-url", TORCH_INDEX, "torch")
-    checks.run("the wheel and what it depends on", *pip, wheel)
-    checks.run("its dependencies agree", inside, "-m", "pip", "check")
-    told = checks.run("tagtrack --version", venv / "bin" / "tagtrack", "--version", cwd=empty)
-    checks.note("it tells its version", told.strip() == version, told)
-    drive = "import gymnasium; env = gymnasium.make('tagtrack:TagTrack/LeopardShark-v0', particles=50); env.reset(seed=1); "
-    checks.run("an environment runs", inside, "-c", drive + "print(env.step(env.action_space.sample())[1])", cwd=empty)
-    train = ("train", "--steps", "64", "--num-envs", "8", "--particles", "32", "--validation-episodes", "2", "--out", "run")
-    checks.run("tagtrack train", venv / "bin" / "tagtrack", *train, "--set", "episode_steps=8", cwd=empty)
-    policies = ("--policies", "pursuit", "learned", "run")
-    benchmark = ("eval", "benchmark", *SMALL, *policies, "--out", "b")
-    checks.run("tagtrack eval benchmark", venv / "bin" / "tagtrack", *benchmark, cwd=empty)
-    checks.run("mypy and pyright", *pip, "mypy", "pyright")
-    shutil.copy2(CONSUMER, empty / "consumer.py")
-    checks.run("a strict program passes mypy", inside, "-m", "mypy", "--strict", "consumer.py", cwd=empty)
-    checks.run("a program passes pyright", inside, "-m", "pyright", "consumer.py", cwd=empty)
-    checks.run("it runs", inside, "consumer.py", cwd=empty)
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.harness.release", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--python", default=sys.executable, help="of the empty venv (this one)")
+    parser.add_argument("--python", nargs="+", default=[sys.executable], help="of the empty venvs (this one)")
+    tested = [ROOT / "constraints.txt"]
+    parser.add_argument("--constraint", nargs="+", type=Path, default=tested, help="versions to install (constraints.txt)")
     parser.add_argument("--keep", metavar="DIR", type=Path, help="where wheel and sdist are left (nowhere)")
     asked = parser.parse_args()
     checks = Checks()
@@ -134,11 +95,15 @@ def main() -> int:
         place = Path(folder)
         version = check_versions(checks)
         wheel = build(checks, place, version)
-        try_out(checks, place, wheel, asked.python, version)
+        for python, constraints in itertools.product(asked.python, asked.constraint):
+            print(f"\n{python} with {constraints.name}")
+            try_out(checks, place, wheel, python, constraints.resolve(), version)
         if asked.keep:
             shutil.copytree(place / "dist", asked.keep, dirs_exist_ok=True)
     print(f"\n{datetime.date.today()}, version {version}. By hand:")
     print("".join(f"[ ] {line}\n" for line in BY_HAND), end="")
+    for line in checks.left_out:
+        print(f"not tried: {line}")
     failed = "".join(f"\n    {what}" for what in checks.failed)
     print(f"{len(checks.failed)} failed:{failed}" if checks.failed else "all that was checked is good")
     return 1 if checks.failed else 0
