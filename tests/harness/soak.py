@@ -1,14 +1,17 @@
 """Worlds of all ids and of fleets are stepped for long, on two threads: finite, within their spaces, and as on one thread.
 
-    python -m tests.harness.soak [SECONDS] [SEED]
+    python -m tests.harness.soak [SECONDS] [SEED] [--steps 1e9] [--worlds B] [--particles N] [--again SHARE]
 
-Each task gets its share of the time. Two simulations, of one thread and of two, are compared bit for bit; memory may not grow.
+Rounds over all tasks, each with its share of a round's time, until the time is over or so many steps are made. A segment of
+steps begins from the state where the last one ended; a share of the segments is made once more, from the same state and with the
+same actions, by a simulation of one thread, and both must end in the same bits. Memory may not grow: within a task, nor with the
+rounds.
 """
 
 from __future__ import annotations
 
+import argparse
 import resource
-import sys
 import time
 from typing import Any
 
@@ -20,7 +23,8 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.spaces import observation_space
 from tagtrack.envs.task import build_task
 
-WORLDS, PARTICLES = 64, 100
+# Few particles: a world's own steps are what is tried here, and the particles' loops are the same for any number.
+WORLDS, PARTICLES, SEGMENT, AGAIN = 1024, 32, 50, 0.125
 TASKS: dict[str, dict[str, Any]] = {
     **{env_id: {"env_id": env_id} for env_id in SCENARIOS},
     "fleet, one belief": {"env_id": "LeopardShark-v0", "vehicles": 3, "tags": 2},
@@ -29,44 +33,63 @@ TASKS: dict[str, dict[str, Any]] = {
     "fleet, instant": {"env_id": "TimeOfFlight-v0", "vehicles": 2, "tags": 2, "modem": "instant"},
     "battery, arena": {"env_id": "LeopardShark-v0", "overrides": {"vehicle.battery": 5.0, "vehicle.arena": 100.0}},
 }
+ROUND = 280.0  # [s] of all tasks together, so that a run that is ended early has tried them all
 SETTLED = 0.2  # of a task's time, after which its memory should not grow
-GROWTH = 8 << 20  # [B] allowed all the same: pages of the allocator
+GROWTH = 8 << 20  # [B] allowed all the same: pages that the allocator keeps (and the states that were copied last)
 
 
-def soak(name: str, seconds: float, seed: int) -> int:
-    """Steps of all worlds in a task's time. Raises AssertionError for whatever is not as it should be."""
+def soak(
+    name: str, seconds: float, seed: int, *, worlds: int = WORLDS, particles: int = PARTICLES, again: float = AGAIN
+) -> tuple[int, int]:
+    """Steps of all worlds on two threads in a task's time, and how many of them on one as well.
+
+    Raises AssertionError for whatever is not as it should be.
+    """
     asked = dict(TASKS[name])
-    task = build_task(asked.pop("env_id"), particles=PARTICLES, **asked)
-    one, two = (Simulation(task.scenario, WORLDS, threads=threads) for threads in (1, 2))
-    space = observation_space(task.scenario)
-    generator = np.random.default_rng(seed)
+    task = build_task(asked.pop("env_id"), particles=particles, **asked)
+    one, two = (Simulation(task.scenario, worlds, threads=threads) for threads in (1, 2))
     for each in (one, two):
         each.reset(seed)
-    steps, settled, begun = 0, 0, time.monotonic()
+    segments, twice, settled, begun = 0, 0, 0, time.monotonic()
     while time.monotonic() - begun < seconds:
-        actions = generator.uniform(-1.2, 1.2, one._actions.shape).astype(np.float32)
-        for each in (one, two):
-            each.step(actions)
-        steps += WORLDS
-        observed = two.observation
-        assert ((observed >= space.low) & (observed <= space.high)).all(), (
-            f"{name}: {find_outside(two, space)} at step {steps}"
-        )
-        assert np.isfinite(two.reward).all() and np.isfinite(two.error).all(), f"{name}: not finite at step {steps}"
-        if generator.random() < 0.02:
-            compare(one, two, f"{name} at step {steps}")
-        ended = two.worlds.clock["step"] >= generator.integers(1, task.scenario.episode_steps, WORLDS)
-        if ended.any() and generator.random() < 0.1:
-            for each in (one, two):
-                each.reset(mask=ended)
+        where = f"{name}, segment {segments} of seed {seed}"
+        repeated = segments == 0 or np.random.default_rng((seed, segments, 1)).random() < again
+        if repeated:
+            one.load_state(two.save_state())
+        play(two, (seed, segments), where)
+        if repeated:
+            play(one, (seed, segments), where)
+            compare(one, two, where)
+            twice += 1
+        segments += 1
         if not settled and time.monotonic() - begun > SETTLED * seconds:
             settled = memory()
-    compare(one, two, f"{name} at step {steps}")
-    grown = memory() - settled
-    assert seconds < 5 or grown < GROWTH, f"{name}: memory grew by {grown:,} B"
+    grown = memory() - (settled or memory())
+    allowed = GROWTH + 2 * sum(array.nbytes for array in two.save_state())
+    assert seconds < 5 or grown < allowed, f"{name}: memory grew by {grown:,} B"
     for each in (one, two):
         each.close()
-    return steps
+    return segments * SEGMENT * worlds, twice * SEGMENT * worlds
+
+
+def play(simulation: Simulation, seed: tuple[int, int], where: str) -> None:
+    """A segment of steps with actions of a seed, some beyond the bounds; worlds end at all lengths and begin anew."""
+    generator = np.random.default_rng(seed)
+    space = observation_space(simulation.scenario)
+    for step in range(SEGMENT):
+        actions = generator.random(simulation._actions.shape, np.float32)
+        simulation.step(2.4 * actions - 1.2)
+        observed = simulation.observation
+        assert ((observed >= space.low) & (observed <= space.high)).all(), (
+            f"{where}, step {step}: {find_outside(simulation, space)}"
+        )
+        finite = np.isfinite(simulation.reward).all() and np.isfinite(simulation.error).all()
+        assert finite, f"{where}, step {step}: not finite"
+        if generator.random() < 0.1:
+            lengths = generator.integers(1, simulation.scenario.episode_steps, simulation.num_worlds)
+            ended = simulation.worlds.clock["step"] >= lengths
+            if ended.any():
+                simulation.reset(mask=ended)
 
 
 def find_outside(simulation: Simulation, space: Any) -> list[str]:
@@ -93,14 +116,31 @@ def memory() -> int:
 
 
 def main() -> None:
-    words = sys.argv[1:]
-    seconds, seed = float(words[0]) if words else 60.0, int(words[1]) if len(words) > 1 else time.time_ns() % 2**31
-    total = 0
-    for name in TASKS:
-        steps = soak(name, seconds / len(TASKS), seed)
-        total += steps
-        print(f"{name:<36} {steps:>12,} steps on two threads and on one", flush=True)
-    print(f"{total:,} steps (seed {seed}): finite, within their spaces, the same bits, {memory() >> 20} MiB at the end")
+    parser = argparse.ArgumentParser(prog="python -m tests.harness.soak", description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("seconds", nargs="?", type=float, default=60.0, help="of all rounds (60)")
+    parser.add_argument("seed", nargs="?", type=int, default=time.time_ns() % 2**31, help="(the clock's)")
+    parser.add_argument("--steps", type=float, default=np.inf, help="after which no other round begins")
+    parser.add_argument("--worlds", type=int, default=WORLDS, help=f"of a batch ({WORLDS})")
+    parser.add_argument("--particles", type=int, default=PARTICLES, help=f"of a belief ({PARTICLES})")
+    parser.add_argument("--again", type=float, default=AGAIN, help=f"share of the segments made on one thread, too ({AGAIN})")
+    asked = parser.parse_args()
+    sizes = {"worlds": asked.worlds, "particles": asked.particles, "again": asked.again}
+    rounds = max(1, round(asked.seconds / ROUND))
+    counts, held = {name: np.zeros(2, np.int64) for name in TASKS}, []
+    for number in range(rounds):
+        for name in TASKS:
+            counts[name] += soak(name, asked.seconds / rounds / len(TASKS), asked.seed + number, **sizes)
+        held.append(memory())
+        total, twice = sum(counts.values())
+        print(f"round {number + 1} of {rounds}: {total:,} steps, {twice:,} on one thread, too; {held[-1] >> 20} MiB", flush=True)
+        if total >= asked.steps:
+            break
+    for name, (total, twice) in counts.items():
+        print(f"{name:<36} {total:>15,} steps on two threads, {twice:>15,} of them on one, too")
+    total, twice = sum(counts.values())
+    settled = held[min(1, len(held) - 1)]  # the first round fills what is kept for good
+    assert held[-1] - settled < 4 * GROWTH, f"memory grew from {settled:,} to {held[-1]:,} B"
+    print(f"{total:,} steps (seeds from {asked.seed}): finite, in their spaces; {twice:,} of them the same bits on one thread")
 
 
 if __name__ == "__main__":
