@@ -19,7 +19,7 @@ from tagtrack.eval.cells.cell import Cell, Done, Parcel
 
 Report = Callable[[int, int], None]  # number of a cell, units it has done in all
 POLL = 0.1  # [s] between looks at what the processes report
-ATTEMPTS = 3  # of cells whose process was ended from outside
+ATTEMPTS = 3  # running, in which processes were ended from outside and no cell came to its end
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # the processes share the cores already
 
 # In a process of the pool.
@@ -43,17 +43,18 @@ def run_in_processes(
     Raises:
         OSError: where processes are killed again and again. What a cell raises.
     """
-    waiting = dict(parcels)
-    for _ in range(ATTEMPTS):
+    waiting, left = dict(parcels), ATTEMPTS
+    while left:
         try:
             for number, done in _run_once(waiting, processes, report, patient):
                 del waiting[number]
+                left = ATTEMPTS
                 yield number, done
             return
         except BrokenProcessPool:
-            continue
+            left -= 1
     raise OSError(
-        f"processes ended {ATTEMPTS} times before their work was done: too little memory (take fewer with --processes), or a "
+        f"processes ended {ATTEMPTS} times before any work was done: too little memory (take fewer with --processes), or a "
         "program that starts them outside of `if __name__ == '__main__':`"
     )
 

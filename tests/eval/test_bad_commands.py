@@ -6,15 +6,16 @@ import resource
 import pytest
 
 from tagtrack.eval import benchmark_run as benchmark
-from tagtrack.eval import comparison
+from tagtrack.eval import rollout
 from tests.eval.conftest import SHORT
 
 BASELINES = "three_step, pursuit, circle, assignment, uncertain, information, stationary, random, oracle_circle, rollout"
 
 
 @pytest.fixture(autouse=True)
-def in_an_empty_folder(tmp_path, monkeypatch):
+def in_an_empty_folder(tmp_path, tmp_path_factory, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))  # no parts that another test left
 
 
 @pytest.fixture
@@ -23,7 +24,7 @@ def refused(evaluate, tmp_path, monkeypatch):
 
     def refuse(*arguments):
         before = sorted(tmp_path.rglob("*"))
-        monkeypatch.setattr(comparison, "roll_out", lambda *_, **__: pytest.fail("it ran"))
+        monkeypatch.setattr(rollout, "roll_out", lambda *_, **__: pytest.fail("it ran"))
         status, out, err = evaluate(*arguments)
         assert (status, out) == (2, "")
         assert err.startswith("error: ")
@@ -176,7 +177,7 @@ def test_interrupt_ends_with_a_line_and_nothing_written(evaluate, tmp_path, monk
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(comparison, "roll_out", interrupt)
+    monkeypatch.setattr(rollout, "roll_out", interrupt)
     status, out, err = evaluate("benchmark", *SHORT, "--out", "out")
     assert (status, out) == (130, "")
     assert err == "\nstopped; nothing was written\n"

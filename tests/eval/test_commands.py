@@ -171,14 +171,14 @@ def test_default_folder_is_under_runs(evaluate, tmp_path, monkeypatch):
 
 def test_tune_finds_the_radius_on_seeds_that_no_benchmark_uses(evaluate, tmp_path, monkeypatch):
     seeds = []
-    from tagtrack.eval import comparison
+    from tagtrack.eval import rollout
 
     def spy(task, maker, *, seed, episodes, **rest):
         seeds.append((seed, seed + episodes))
         return roll_out(task, maker, seed=seed, episodes=episodes, **rest)
 
-    roll_out = comparison.roll_out
-    monkeypatch.setattr(comparison, "roll_out", spy)
+    roll_out = rollout.roll_out
+    monkeypatch.setattr(rollout, "roll_out", spy)
     command = ("tune", *SHORT, "--policy", "circle", "--values", "10", "90", "--seed", "3")
     status, out, _ = evaluate(*command, "--out", tmp_path / "tune.json")
     assert status == 0

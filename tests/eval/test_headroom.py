@@ -115,10 +115,11 @@ def test_futures_are_as_long_as_the_pings_make_them() -> None:
 
 
 def test_the_rollout_planner_gains_over_a_circle_that_is_far_too_wide() -> None:
-    task = build_task("LeopardShark-v0", particles=200, overrides={"episode_steps": 80})
+    task = build_task("LeopardShark-v0", particles=200, overrides={"episode_steps": 120})
     makers = find_makers({"circle": "circle:60", "rollout": "rollout:radius=60,futures=32"}, task, task.env_id)
-    errors = {name: roll_out(task, maker, episodes=12, seed=2).error.mean() for name, maker in makers.items()}
-    assert errors["rollout"] < 0.9 * errors["circle"]
+    errors = {name: roll_out(task, maker, episodes=12, seed=2).error.mean(axis=1) for name, maker in makers.items()}
+    gain = np.log(errors["circle"] / errors["rollout"])  # 0.25 to 0.44 with other seeds
+    assert gain.mean() > 2 * gain.std(ddof=1) / len(gain) ** 0.5
 
 
 def test_the_rollout_planner_repeats_itself() -> None:
