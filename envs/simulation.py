@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numba
 import numpy as np
 
 from tagtrack.envs.belief.row import make_scratch
@@ -13,6 +12,7 @@ from tagtrack.envs.belief.summary import covariance
 from tagtrack.envs.exchange import exchange_worlds
 from tagtrack.envs.feature import Feature
 from tagtrack.envs.kernels.action_loops import find_broken_action
+from tagtrack.envs.kernels.binding import bind
 from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.layout import action_names, features
 from tagtrack.envs.measurement import Status
@@ -81,11 +81,12 @@ class Simulation:
         self._reset_arguments = (self._chosen, parameters, self._tracks, self._places, self.worlds, self.outputs)
         self._step_arguments = (parameters, self._tracks, self._actions, self.worlds, self.outputs)
         self._exchange_arguments = (parameters, self._actions, self.worlds)
-        self._exchange_worlds = None
+        kernels = {reset_worlds: self._reset_arguments, step_worlds: self._step_arguments}
         if self.scenario.modem.talks:
-            self._exchange_worlds = bind(exchange_worlds, 0, b, *self._exchange_arguments, self._workers.scratch[0])
-        self._reset_worlds = bind(reset_worlds, 0, b, *self._reset_arguments, self._workers.scratch[0])
-        self._step_worlds = bind(step_worlds, 0, b, *self._step_arguments, self._workers.scratch[0])
+            kernels = {exchange_worlds: self._exchange_arguments, **kernels}
+        calls = [(kernel, 0, b, *arguments, self._workers.scratch[0]) for kernel, arguments in kernels.items()]
+        *exchange, self._reset_worlds, self._step_worlds = bind(*calls)
+        self._exchange_worlds = exchange[0] if exchange else None
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in CONNECTIONS}
@@ -225,14 +226,6 @@ class Simulation:
         """End the threads."""
         self._workers.close()
         self.threads = 1
-
-
-def bind(kernel: Any, *arguments: Any) -> Any:
-    """A kernel's compiled code for arguments of these types, without numba's look-up at each call (a third of a step).
-
-    It trusts their types, so it may be called only with arrays of our own making.
-    """
-    return kernel.compile(tuple(numba.typeof(argument) for argument in arguments))
 
 
 def _track_table(scenario: Scenario, tracks: Sequence[Track] | None) -> TrackTable:

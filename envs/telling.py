@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from tagtrack.envs.kernels.binding import bind
 from tagtrack.envs.referee import LONE, gather_lone
-from tagtrack.envs.simulation import Simulation, bind
+from tagtrack.envs.simulation import Simulation
 
 _bound: list[Any] = []  # the compiled ``gather_lone``: not kept in environments, for it cannot be pickled
 
@@ -31,7 +32,7 @@ def tell_lone(sources: tuple[np.ndarray, ...]) -> np.ndarray:
     """
     told = np.empty(LONE + sources[-1].shape[2])
     if not _bound:
-        _bound.append(bind(gather_lone, *sources, told))
+        _bound.extend(bind((gather_lone, *sources, told)))
     _bound[0](*sources, told)
     return told
 

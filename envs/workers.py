@@ -16,6 +16,11 @@ import numpy as np
 PARTS_PER_THREAD = 4
 
 
+def cores() -> int:
+    """That this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 class Workers:
     """Threads, each with a scratch of its own.
 

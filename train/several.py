@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import rich
 
 from tagtrack.envs.task import Task, full_id
+from tagtrack.envs.workers import cores
 from tagtrack.eval.benchmark_pictures import draw_learning
 from tagtrack.eval.cells.cell import Cell, Done
 from tagtrack.eval.cells.engine import Engine
@@ -125,11 +125,6 @@ def train_here(config: TrainConfig, folder: Path, *, tell: Tell) -> Outcome:
     if status == 130:  # what was saved stays; the others are not begun
         raise KeyboardInterrupt
     return Outcome(status, log.read_text(encoding="utf-8"), None)
-
-
-def cores() -> int:
-    """That this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def conclude(config: TrainConfig, task: Task, place: Path, folders: Sequence[Path]) -> None:

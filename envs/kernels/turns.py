@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -21,6 +21,7 @@ from numba.core.sigutils import normalize_signature
 fcntl: Any = None if sys.platform == "win32" else import_module("fcntl")  # without it each compiles for itself
 
 LOCK = "tagtrack-compiling.lock"
+INDEX_LOCK = "tagtrack-index.lock"
 
 
 class _Turn:
@@ -29,6 +30,7 @@ class _Turn:
     said = False
 
     def __init__(self) -> None:
+        self.belongs_to_parent = False  # who waits for this process, and holds the lock
         self._depth = 0
         self._file: IO[bytes] | None = None
         self._collects = True
@@ -38,7 +40,7 @@ class _Turn:
         """Wait until nobody else compiles in the folder; kernels that are compiled for others belong to the same turn."""
         with global_compiler_lock:
             if self._depth == 0:
-                self._file = _lock(Path(folder) / LOCK)
+                self._file = None if self.belongs_to_parent else _lock(Path(folder) / LOCK)
                 self._collects = gc.isenabled()
                 gc.disable()  # nothing of what a compiler builds is garbage before it is done; to look took a tenth of the time
             self._depth += 1
@@ -55,6 +57,11 @@ class _Turn:
 
 
 TURN = _Turn()
+
+
+def can_lock() -> bool:
+    """Whether processes can take turns here."""
+    return fcntl is not None
 
 
 def _lock(path: Path) -> IO[bytes] | None:
@@ -87,20 +94,45 @@ def is_cached(cache: Any, signature: Any, context: Any) -> bool:
     return cache._index_key(signature, context.codegen()) in cache._cache_file._load_index()
 
 
+def is_ready(kernel: Any, signature: Any) -> bool:
+    """Whether a kernel (numba's dispatcher) has code for a signature, in this process or on disk; or cannot be cached at all."""
+    cache = kernel._cache
+    if tuple(normalize_signature(signature)[0]) in kernel.overloads:
+        return True
+    return not hasattr(cache, "_cache_file") or is_cached(cache, signature, kernel.targetctx)
+
+
 def compile_in_turn(kernel: Any) -> None:
     """Let a kernel (numba's dispatcher) wait for its turn before it compiles what is not on disk yet."""
     compile_now: Callable[[Any], Any] = kernel.compile
 
     def compile(signature: Any) -> Any:
-        cache = kernel._cache
-        if tuple(normalize_signature(signature)[0]) in kernel.overloads:
+        if is_ready(kernel, signature):
             return compile_now(signature)
-        if not hasattr(cache, "_cache_file") or is_cached(cache, signature, kernel.targetctx):
-            return compile_now(signature)
-        with TURN.take(cache.cache_path):
+        with TURN.take(kernel._cache.cache_path):
             return compile_now(signature)  # which looks at the disk once more
 
     kernel.compile = compile
+    _save_one_by_one(kernel._cache)
+
+
+def _save_one_by_one(cache: Any) -> None:
+    """Two processes that write to one index at once would give one number to two pieces of code, and load the wrong one."""
+    if fcntl is None or not hasattr(cache, "_cache_file"):
+        return
+    save_now: Callable[[Any, Any], None] = cache.save_overload
+
+    def save(signature: Any, result: Any) -> None:
+        try:
+            file = (Path(cache.cache_path) / INDEX_LOCK).open("ab")
+        except OSError:  # nor can anything be saved there
+            return save_now(signature, result)
+        with file:
+            with suppress(OSError):  # a file system without locks
+                fcntl.lockf(file, fcntl.LOCK_EX)
+            return save_now(signature, result)
+
+    cache.save_overload = save
 
 
 @contextmanager

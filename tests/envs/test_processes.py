@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tagtrack.envs.kernels import compiling
-from tagtrack.envs.kernels.turns import LOCK
+from tagtrack.envs.kernels import compiling, turns
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import build_task
 from tagtrack.envs.vector import TagTrackVectorEnv
@@ -62,8 +61,40 @@ def test_of_many_new_processes_one_compiles_and_the_others_wait(tmp_path: Path) 
     ]
     answers = [worker.communicate(timeout=300) for worker in workers]
     assert sorted(out.strip() for out, _ in answers) == ["0", "0", "1"], answers
-    assert (tmp_path / "tagtrack" / LOCK).exists()
+    assert (tmp_path / "tagtrack" / turns.LOCK).exists()
     assert sum("TagTrack compiles" in errors for _, errors in answers) == 1
+
+
+# Two small kernels are wanted at once: how often did this process compile each?
+TWO = """
+import sys
+import numpy as np
+import tagtrack.envs.kernels.binding as binding
+from tagtrack.envs.kernels.maths import fast_exp, fast_log
+binding.cores = lambda: 2
+{before}
+first, second = binding.bind((fast_exp, np.float32(1)), (fast_log, np.float32(1)))
+print(*(sum(kernel.stats.cache_misses.values()) for kernel in (fast_exp, fast_log)))
+print(round(first(np.float32(1)), 4), round(second(np.float32(2)), 4))
+"""
+
+
+@pytest.mark.skipif(not turns.can_lock(), reason="processes cannot take turns here")
+@pytest.mark.parametrize(
+    ("before", "compiled_here"),
+    [
+        ("", "0 1"),
+        ("sys.executable = '/bin/false'", "1 1"),
+        ("sys.executable = '/no/python'", "1 1"),
+    ],
+    ids=["helped", "helper fails", "no interpreter"],
+)
+def test_of_several_kernels_another_process_compiles_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_python: Callable[..., str], before: str, compiled_here: str
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert run_python(TWO.format(before=before)) == f"{compiled_here}\n2.7183 0.6931\n"
+    assert run_python(TWO.format(before=before)) == "0 0\n2.7183 0.6931\n"
 
 
 def test_where_nothing_can_be_written_a_temporary_folder_holds_the_code(tmp_path: Path, run_python: Callable[..., str]) -> None:
