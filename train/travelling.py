@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tagtrack.eval.report import write_text
-from tagtrack.policies.files import is_leftover_name
+from tagtrack.policies.files import is_leftover_name, remove_leftovers
 from tagtrack.train.checkpoint import has_checkpoint, sign_anew
 from tagtrack.train.cli import guarded
 from tagtrack.train.config import TrainConfig
@@ -76,7 +76,8 @@ def take_in(folder: Path, outcome: Outcome) -> None:
 
 
 def remove_halves(place: Path) -> None:
-    """Remove what a kill in the middle of ``take_in`` left."""
+    """Remove what a kill left in the folder of several runs: halves of files, and of runs that were being taken in."""
+    remove_leftovers(place)
     for path in place.iterdir():
         if is_leftover_name(path.name) and path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)

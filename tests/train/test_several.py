@@ -55,10 +55,13 @@ def test_seeds_are_the_runs_that_single_commands_train(train, tmp_path, single, 
 
 def test_the_same_command_trains_only_what_is_not_finished(train, tmp_path, single, monkeypatch):
     shutil.copytree(single / "seed0", tmp_path / "both/seed0")
+    half = tmp_path / "both/.learning_curves.0123456789abcdef.png"
+    half.write_bytes(b"what a kill has left")
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "both/seed0").rglob("*") if path.name != ".lock"}
     status, out, _ = train(*SMALL, *STEPS, "--seeds", "0", "1", "--processes", "1", "--out", "both")
     assert status == 0 and out.startswith("trained before: seed0\n")
     assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert not half.exists()
     assert contents(tmp_path / "both/seed1") == contents(single / "seed1")
     seeds = ("--seeds", "1", "0")
     assert train(*SMALL, *STEPS, *seeds, "--out", "both")[1].startswith("trained before: seed1, seed0\n")
