@@ -135,7 +135,7 @@ def count(number: int, noun: str) -> str:
 def finish(config: TrainConfig, task: Task, folder: RunFolder) -> None:
     """What a trained run ends with: its curve, and its table on the terminal and in table.md."""
     draw_curve(folder)
-    draw_curve(folder, write_comparison(config, folder, task, task.env_id))
+    write_comparison(config, folder, task, task.env_id)
     print(f"run: {folder.path}\nmore: {benchmark_command(config, task, str(folder.path))}")
 
 
@@ -162,11 +162,10 @@ def draw_curve(folder: RunFolder, rivals: Mapping[str, float] | None = None) -> 
         save_figure(folder.path / "learning_curve.png", plot_learning_curve({folder.path.name: (steps, errors)}, rivals or {}))
 
 
-def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id: str) -> dict[str, float]:
+def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id: str) -> None:
     """A small table: the policy kept beside the best heuristics and what it began as, on episodes it was not chosen on.
 
-    Returns:
-        The mean errors of the heuristics [m].
+    It is the last file that a run writes: who has one is finished.
     """
     name, rivals = folder.path.resolve().name, rivals_of(task)
     began = UNTRAINED if config.start is None else "as it began"
@@ -178,5 +177,5 @@ def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id:
     comparison = compare(task, policies, episodes=TABLE_EPISODES, seed=TABLE_SEED, env_id=env_id)
     document = comparison.document(collect_versions())
     rich.print(console_table(document))  # before it is written: a full disk must not cost the result
+    draw_curve(folder, {rival: comparison.summaries[rival]["mean_error_m"].value for rival in rivals})
     write_text(folder.path / TABLE_FILE, markdown_table(document))
-    return {rival: comparison.summaries[rival]["mean_error_m"].value for rival in rivals}

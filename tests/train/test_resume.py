@@ -59,6 +59,12 @@ def test_a_run_without_its_table_gets_it_and_is_not_trained_again(tmp_path, trai
     assert steps_in(tmp_path / "run") == steps
 
 
+def test_the_table_is_the_last_that_a_run_writes(trained):
+    """Who is killed before has none, and whoever goes on writes what is missing."""
+    written = {path: path.stat().st_mtime_ns for path in trained[0].rglob("*") if path.is_file() and path.name != ".lock"}
+    assert max(written, key=written.__getitem__) == trained[0] / "table.md"
+
+
 def test_a_run_cut_off_at_its_beginning_resumes_and_validates_step_0_once(tmp_path, train, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(PPO, "train", break_off)
