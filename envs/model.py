@@ -8,7 +8,11 @@ model mismatch. A parameter that only one of the two reads is refused in the oth
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
 from collections.abc import Mapping
+from importlib import import_module
+from types import ModuleType
 from typing import Any, ClassVar
 
 from tagtrack.envs.kernels.calling import ROW
@@ -62,13 +66,19 @@ def find_model(text: str, known: Mapping[str, type[Any]], kinds: tuple[type[Any]
     return model()
 
 
+def import_own(module: str) -> ModuleType:
+    """A module of the user's. It may lie in the working folder, where ``python -m`` looks and a console command does not."""
+    here = os.getcwd()
+    if not {"", here} & set(sys.path):
+        sys.path.append(here)
+    return import_module(module)
+
+
 def import_object(name: str) -> Any:
     """What ``MODULE:OBJECT`` names. Raises ValueError where it cannot be imported."""
-    from importlib import import_module
-
     module_name, _, attribute = name.partition(":")
     try:
-        module = import_module(module_name)
+        module = import_own(module_name)
     except ImportError as error:
         raise ValueError(f"{name!r}: cannot import {module_name!r} ({error}); run where it lies, or set PYTHONPATH") from None
     if not hasattr(module, attribute):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 import numpy as np
 
 import tagtrack
+from tagtrack.envs.model import import_own
 from tagtrack.envs.motions import Replay
 from tagtrack.envs.motions.replay import find_stretches
 from tagtrack.envs.motions.tracks import Track, read_tracks
@@ -175,10 +176,8 @@ def full_id(env_id: str) -> str:
 
 
 def _import(module: str) -> None:
-    from importlib import import_module
-
     try:
-        import_module(module)
+        import_own(module)
     except ImportError as error:
         raise ValueError(f"cannot import {module!r} ({error}); run where it lies, or put it on PYTHONPATH") from None
 

@@ -84,8 +84,9 @@ def _make_key() -> bytes | None:
     target = key_file()
     target.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     for left in target.parent.glob(f".{target.name}.*"):  # by a kill; a younger one may be in the making
-        if time.time() - left.stat().st_mtime > 60.0:
-            left.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # another process's, just done
+            if time.time() - left.stat().st_mtime > 60.0:
+                left.unlink()
     partial = target.with_name(f".{target.name}.{secrets.token_hex(8)}")
     descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     try:

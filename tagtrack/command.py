@@ -44,8 +44,21 @@ def listing(entries: dict[str, str]) -> str:
 
 
 def main() -> int:
-    """Run the command that is named first."""
-    given = sys.argv[1:]
+    """Run the command that is named first; whoever reads what it prints may stop reading."""
+    try:
+        status = run(sys.argv[1:])
+        sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:  # while modules were still being loaded
+        print("\nstopped; nothing was written", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python's own last flush fails no more
+        return 1
+
+
+def run(given: list[str]) -> int:
+    """The exit status of a command line."""
     if not given or given[0] in ("-h", "--help"):
         print(help_text())
         return 0 if given else 2

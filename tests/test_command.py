@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -98,3 +99,25 @@ def test_lists_of_commands_fit_the_terminal(monkeypatch, capsys, columns: int) -
         assert main() == 0
         lines = capsys.readouterr().out.partition("\nexamples")[0].splitlines()
         assert max(len(line) for line in lines if line.startswith("  ")) <= columns
+
+
+CONSOLE = Path(sys.executable).with_name("tagtrack")
+
+
+@pytest.mark.skipif(not CONSOLE.exists(), reason="there is no console command beside this Python")
+def test_a_module_in_the_working_folder_is_found(tmp_path):
+    (tmp_path / "zigzag.py").write_text("class Zigzag: pass\n")
+    done = subprocess.run(
+        [CONSOLE, "eval", "benchmark", "--policies", "zigzag:Zigzag"], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 2 and "No module named" not in done.stderr and "Zigzag" in done.stderr
+
+
+@pytest.mark.skipif(not CONSOLE.exists(), reason="there is no console command beside this Python")
+@pytest.mark.parametrize("words", [["--help"], ["eval", "--help"], ["train", "--help"], ["live", "--help"]], ids=" ".join)
+def test_a_reader_who_stops_reading_is_no_error(words):
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb") as closed:
+        done = subprocess.run([CONSOLE, *words], stdout=closed, stderr=subprocess.PIPE, text=True, timeout=120)
+    assert done.stderr == ""

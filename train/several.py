@@ -78,7 +78,9 @@ def what_is_left(folder: Path, config: TrainConfig, *, travels: bool) -> TrainCo
         ValueError: where its folder holds another run, or what cannot travel.
     """
     if not (folder / CONFIG_FILE).is_file():
-        return config
+        if travels and folder.is_dir() and any(folder.iterdir()):
+            raise ValueError(f"{folder} holds files and no run; choose another --out")
+        return dataclasses.replace(config, trust=False)
     told, asked = to_json(from_json(folder / CONFIG_FILE)), to_json(config)
     for name, value in asked.items():
         if name not in MAY_DIFFER and told[name] != value:
@@ -87,9 +89,7 @@ def what_is_left(folder: Path, config: TrainConfig, *, travels: bool) -> TrainCo
         return None
     if travels:
         raise ValueError(f"{folder} was begun on this machine; finish it with --engine local, or choose another --out")
-    return dataclasses.replace(
-        TrainConfig(), resume=folder, threads=config.threads, device=config.device, trust=config.trust
-    )
+    return dataclasses.replace(TrainConfig(), resume=folder, threads=config.threads, device=config.device, trust=config.trust)
 
 
 def train_all(runs: Mapping[Path, TrainConfig], config: TrainConfig, *, steps: int) -> int:
@@ -118,7 +118,15 @@ def train_all(runs: Mapping[Path, TrainConfig], config: TrainConfig, *, steps: i
 
 
 def train_here(config: TrainConfig, folder: Path, *, tell: Tell) -> Outcome:
-    """Train a run in its folder; what it says goes into a file beside it."""
+    """Train a run in its folder; what it says goes into a file beside it.
+
+    Where a process was killed that had begun it, it goes on from there.
+    """
+    if config.resume is None:
+        left = what_is_left(folder, config, travels=False)
+        if left is None:
+            return Outcome(0, "", None)
+        config = left
     log = folder.with_name(f"{folder.name}.log")
     with log.open("a", buffering=1, encoding="utf-8") as file, contextlib.redirect_stdout(file), contextlib.redirect_stderr(file):
         status = guarded(lambda: run(config, tell))

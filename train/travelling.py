@@ -70,8 +70,8 @@ def take_in(folder: Path, outcome: Outcome) -> None:
     write_text(half / CONFIG_FILE, json.dumps(told | {"out": str(folder)}, indent=2) + "\n")
     if has_checkpoint(half):
         sign_anew(half)  # our own run on a machine of our own
-    if folder.is_dir():  # an empty one: what it held was looked at
-        shutil.rmtree(folder)
+    if folder.is_dir():
+        folder.rmdir()  # another than an empty one was refused
     os.rename(half, folder)
 
 

@@ -10,6 +10,7 @@ import json
 import pickle
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -20,11 +21,13 @@ import numba
 from tagtrack.envs.kernels.turns import TURN, can_lock, is_ready
 from tagtrack.envs.workers import cores
 
+PATIENCE = 10.0  # [s] for what the helping process takes longer
+
 Wanted = tuple[Any, tuple[Any, ...]]  # a kernel and the types of its arguments
 
-# The first line of what it reads is where to look for modules; only then can the rest be understood.
+# The first line of what it reads is where to look for modules, which is not the working folder by itself; then comes the work.
 _HELPER = (
-    "import json, sys; sys.path[:] = json.loads(sys.stdin.buffer.readline());"
+    "import sys; sys.path[:] = filter(None, sys.path); import json; sys.path[:] = json.loads(sys.stdin.buffer.readline());"
     "from tagtrack.envs.kernels.binding import help_out; help_out(sys.stdin.buffer.read())"
 )
 
@@ -56,10 +59,12 @@ def _missing(wanted: Sequence[Wanted]) -> list[Wanted]:
 def _help(wanted: Sequence[Wanted]) -> Iterator[None]:
     """Another process compiles these meanwhile. Whatever keeps it from that costs time alone: they are compiled here, then."""
     helper = _start(wanted) if wanted and can_lock() and cores() > 1 else None
+    begun = time.monotonic()
     try:
         yield
-        if helper is not None:
-            helper.wait()
+        if helper is not None:  # it began when we did
+            with suppress(subprocess.TimeoutExpired):
+                helper.wait(PATIENCE + time.monotonic() - begun)
     finally:
         if helper is not None:
             helper.kill()

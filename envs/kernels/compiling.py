@@ -108,8 +108,7 @@ class SourceStampedCache(_CacheLocator):
         elif _is_writable(beside):
             self._folder = beside
         else:
-            base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-            self._folder = Path(base) / "tagtrack"
+            self._folder = _users_cache() or temporary_cache(beside)
 
     def get_cache_path(self) -> str:
         return str(self._folder)
@@ -156,6 +155,14 @@ def temporary_cache(refused: Path) -> Path:
     return folder
 
 
+def _users_cache() -> Path | None:
+    """Where the user's compiled code goes; None for a user without a home."""
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "tagtrack"
+    except RuntimeError:
+        return None
+
+
 def _is_writable(folder: Path) -> bool:
     try:
         folder.mkdir(exist_ok=True)
@@ -165,7 +172,7 @@ def _is_writable(folder: Path) -> bool:
 
 
 class _Announcement(event.Listener):
-    """Says once per process, on standard error, that compilation has begun: the first run takes some 20 s longer."""
+    """Says once per process, on standard error, that compilation has begun: the first run takes some half a minute longer."""
 
     def __init__(self) -> None:
         self.said = False

@@ -59,9 +59,7 @@ def run_in_processes(
     )
 
 
-def _run_once(
-    parcels: Mapping[int, Parcel], processes: int, report: Report, patient: bool
-) -> Iterator[tuple[int, Done]]:
+def _run_once(parcels: Mapping[int, Parcel], processes: int, report: Report, patient: bool) -> Iterator[tuple[int, Done]]:
     context = get_context("spawn")  # a fork would copy locks of threads that it does not have
     order, others = list(parcels), active_children()
     counts = context.RawArray("q", len(order))
@@ -78,7 +76,7 @@ def _run_once(
                 finished, _ = wait(running, POLL, FIRST_COMPLETED)
                 for place in running.values():
                     report(order[place], counts[place])
-                for future in finished:
+                for future in sorted(finished, key=lambda each: each.exception() is not None):  # what is done is not lost
                     yield order[running.pop(future)], future.result()
         except BaseException as error:
             children = [child for child in active_children() if child not in others]
@@ -95,7 +93,7 @@ def _run_once(
 def _stop_gently(running: Iterable[Future[Done]], children: Sequence[Any]) -> None:
     """Hand on Ctrl-C, and each further one, to the processes, until they are done."""
     while True:
-        for child in children:
+        for child in children if hasattr(os, "setpgrp") else ():  # else the terminal has told them, too
             with suppress(ProcessLookupError):
                 os.kill(child.pid, signal.SIGINT)
         try:

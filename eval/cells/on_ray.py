@@ -95,7 +95,7 @@ def _require_answer(address: str) -> None:
     if not (host and port.isdigit()):  # auto, or a name that Ray makes something of
         return
     try:
-        socket.create_connection((host, int(port)), timeout=ANSWER).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER).close()
     except OSError as error:
         raise ConnectionError(f"no Ray cluster answers at {address} ({error}); `ray start --head` prints its address") from None
 

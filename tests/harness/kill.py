@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 from tests.harness.kill_commands import COMMANDS, Command
 
@@ -74,11 +75,7 @@ class _Watch:
     def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
         if event not in EVENTS or not any(self.folder in str(each) for each in arguments[:2]):
             return
-        if (
-            event == "open"
-            and isinstance(arguments[2], int)
-            and not arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
-        ):
+        if event == "open" and isinstance(arguments[2], int) and not arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT):
             return  # only read
         if self.count == self.last:
             os.kill(os.getpid(), signal.SIGKILL)
@@ -97,11 +94,7 @@ def try_moment(command: Command, expected: dict[str, object], size: tuple[int, f
         lines = [command.line]
         for _ in range(1 + (chance.random() < 1 / 3)):
             by_file = chance.random() < 0.8
-            moment = (
-                Moment(operation=chance.randrange(operations))
-                if by_file
-                else Moment(seconds=chance.uniform(0, seconds))
-            )
+            moment = Moment(operation=chance.randrange(operations)) if by_file else Moment(seconds=chance.uniform(0, seconds))
             status, *_ = run_child(lambda: lines[-1](out), out, moment)
             told.append(f"operation {moment.operation}" if by_file else f"{moment.seconds:.2f} s")
             assert status in (0, -signal.SIGKILL), f"exit status {status} after {told}"
@@ -113,9 +106,7 @@ def try_moment(command: Command, expected: dict[str, object], size: tuple[int, f
         hidden = [path for path in out.rglob(".*") if path.name != ".lock"]
         assert not hidden, f"left: {hidden} after {told}"
         found = command.results(out)
-        assert found == expected, (
-            f"other results after {told}: {[key for key in expected if found.get(key) != expected[key]]}"
-        )
+        assert found == expected, f"other results after {told}: {[key for key in expected if found.get(key) != expected[key]]}"
     finally:
         shutil.rmtree(place, ignore_errors=True)
     return ", then ".join(told)
@@ -123,9 +114,17 @@ def try_moment(command: Command, expected: dict[str, object], size: tuple[int, f
 
 def kill(moments: int, seed: int, names: list[str] | None = None) -> dict[str, int]:
     """Try so many moments, spread over the commands. Returns how many of each were tried; raises at the first that fails."""
-    chance, counts = random.Random(seed), {}
+    chance = random.Random(seed)
     chosen = {name: COMMANDS[name] for name in names or COMMANDS}
-    os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_CACHE_HOME"] = tempfile.mkdtemp(prefix="tagtrack-kill-key-")
+    with (
+        tempfile.TemporaryDirectory(prefix="tagtrack-kill-key-") as own,
+        mock.patch.dict(os.environ, XDG_CONFIG_HOME=own, XDG_CACHE_HOME=own),
+    ):
+        return _kill_all(chosen, moments, chance)
+
+
+def _kill_all(chosen: dict[str, Command], moments: int, chance: random.Random) -> dict[str, int]:
+    counts = {}
     for number, (name, command) in enumerate(chosen.items()):
         with tempfile.TemporaryDirectory(prefix="tagtrack-kill-") as place:
             out = Path(place) / "out"
@@ -148,10 +147,7 @@ def main() -> None:
     words = sys.argv[1:]
     seed = int(words[1]) if len(words) > 1 else random.randrange(2**31)
     counts = kill(int(words[0]) if words else 50, seed)
-    print(
-        f"{sum(counts.values())} moments (seed {seed}): "
-        + ", ".join(f"{name} {number}" for name, number in counts.items())
-    )
+    print(f"{sum(counts.values())} moments (seed {seed}): " + ", ".join(f"{name} {number}" for name, number in counts.items()))
 
 
 if __name__ == "__main__":

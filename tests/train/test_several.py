@@ -136,6 +136,32 @@ def test_ctrl_c_lets_the_processes_save_what_they_have(tmp_path):
         assert steps_in(run)[-1] == json.loads((run / "checkpoint/latest.json").read_text())["steps"]
 
 
+@pytest.mark.skipif(shutil.which("pgrep") is None, reason="there is no pgrep to find the processes by")
+def test_a_process_that_is_killed_costs_no_run(tmp_path):
+    """With one process of the pool all end; the runs that they were at go on from their checkpoints."""
+    words = [*SMALL, "--steps", "4096", "--hyper", "rollout=64", "--seeds", "0", "1", "--processes", "2", "--out", "both"]
+    running = subprocess.Popen([sys.executable, "-m", "tagtrack.train", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    runs = [tmp_path / "both" / name for name in ("seed0", "seed1")]
+    until = time.monotonic() + 120
+    while time.monotonic() < until and not all(steps_in(run) for run in runs):
+        time.sleep(0.05)
+    assert not (runs[0] / "table.md").exists()
+    children = subprocess.run(["pgrep", "-P", str(running.pid), "-f", "spawn_main"], capture_output=True, text=True)
+    os.kill(int(children.stdout.split()[0]), signal.SIGKILL)
+    _, error = running.communicate(timeout=240)
+    assert running.returncode == 0, error
+    for run in runs:
+        assert steps_in(run)[-1] == 4096 and steps_in(run) == sorted(set(steps_in(run))) and (run / "table.md").is_file()
+
+
+def test_files_that_stand_where_a_run_would_be_taken_in_stay(train, tmp_path):
+    (tmp_path / "both/seed1").mkdir(parents=True)
+    (tmp_path / "both/seed1/thesis.txt").write_text("years of work")
+    status, _, error = train(*SMALL, *STEPS, "--seeds", "0", "1", "--engine", "ray", "--out", "both")
+    assert status == 2 and "seed1 holds files and no run; choose another --out" in error
+    assert (tmp_path / "both/seed1/thesis.txt").read_text() == "years of work"
+
+
 class Killing:
     """A progress bar that ends a node of a cluster once every run has got going."""
 
