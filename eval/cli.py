@@ -47,8 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\nstopped; nothing was written", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        raise
+    except BrokenPipeError:  # whoever read it has seen enough
+        return 1
     except (ValueError, OSError, ImportError) as error:
         print(f"error: {_one_line(error)}", file=sys.stderr)
         return 2

@@ -104,12 +104,6 @@ def policy_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_import_takes_less_than_half_a_second(run_python: Callable[..., str]) -> None:
-    # Processor time, the best of three: the claim is about this package, not about what else the machine is doing.
-    code = "import time; t = time.process_time(); import tagtrack; print(time.process_time() - t)"
-    assert min(float(run_python(code)) for _ in range(3)) < 0.5
-
-
 def test_import_loads_nothing_heavy(run_python: Callable[..., str]) -> None:
     loaded = set(run_python("import sys, tagtrack; print(*sys.modules)").split())
     assert "tagtrack" in loaded

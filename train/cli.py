@@ -28,8 +28,8 @@ def guarded(action: Callable[[], int]) -> int:
     except MemoryError:
         print("error: there is not enough memory; lower --num-envs or --particles", file=sys.stderr)
         return 2
-    except BrokenPipeError:
-        raise
+    except BrokenPipeError:  # whoever read it has seen enough
+        return 1
     except (ValueError, OSError, ImportError) as error:
         print(f"error: {' '.join(str(error).split()) or type(error).__name__}", file=sys.stderr)
         return 2

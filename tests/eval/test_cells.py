@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -249,9 +250,10 @@ def _wait_until_gone(pid: int) -> None:
     while time.monotonic() < until:
         try:
             os.kill(pid, 0)
+        except ProcessLookupError:
+            return
+        with suppress(FileNotFoundError):  # gone meanwhile, or a system without /proc
             if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
                 return
-        except (ProcessLookupError, FileNotFoundError):
-            return
         time.sleep(0.05)
     raise AssertionError(f"process {pid} still runs")
