@@ -10,6 +10,8 @@ PIP := $(RUN) -m pip --disable-pip-version-check
 # On a terminal pip shows what it does; in a pipe only what goes wrong. To write byte code of all files, tests of other people
 # included, would take longer than all the rest: Python writes it for what is imported.
 INSTALL = quiet=-qq; [ ! -t 1 ] || quiet=; $(PIP) install $$quiet --no-compile --constraint constraints.txt
+# Containers often set this. Without byte code each process would parse three thousand files anew, most of them torch's: eight seconds.
+unexport PYTHONDONTWRITEBYTECODE
 # The folder is part of the stamp's name: an editable install points at it, so a moved or copied folder installs anew.
 STAMP := $(VENV)/.ready-$(shell pwd | cksum | cut -d ' ' -f 1)
 
