@@ -17,6 +17,7 @@ from tagtrack.envs.rewards import Term
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.sensors import SENSORS, Sensor
 from tagtrack.envs.sim.modem import MODEMS, Modem
+from tagtrack.envs.validation import unknown
 
 
 def parameter_names(parameters: Any, prefix: str = "") -> list[str]:
@@ -88,7 +89,7 @@ def _override(parameters: Any, changes: Sequence[Change], scenario: Scenario) ->
     by_field: dict[str, list[Change]] = {}
     for name, (head, *rest), value in changes:
         if head not in known:
-            raise ValueError(f"unknown parameter {name!r}; known: {', '.join(parameter_names(scenario))}")
+            raise unknown("parameter", name, parameter_names(scenario))
         by_field.setdefault(head, []).append((name, rest, value))
     parts = {}
     for head, own in by_field.items():
@@ -109,7 +110,7 @@ def _override_terms(terms: tuple[Any, ...], changes: Sequence[Change], scenario:
     named = _named_terms(terms)
     for name, (head, *rest), _ in changes:
         if head not in named or not rest:
-            raise ValueError(f"unknown parameter {name!r}; known: {', '.join(parameter_names(scenario))}")
+            raise unknown("parameter", name, parameter_names(scenario))
     return tuple(
         _override(term, [(name, rest, value) for name, (head, *rest), value in changes if head == key], scenario)
         for key, term in named.items()
@@ -230,8 +231,8 @@ def _read_part(plain: Mapping[str, Any], kind: type[Any], name: str) -> Any:
             raise ValueError(f"{name}.kind must be one of {', '.join(_KINDS)}, got {own!r}")
         kind = _KINDS[own]
     known = {item.name: item for item in dataclasses.fields(kind)}
-    if unknown := sorted(set(values) - set(known)):
-        raise ValueError(f"unknown parameter {name}.{unknown[0]}; known: {', '.join(known)}")
+    if strange := sorted(set(values) - set(known)):
+        raise unknown("parameter", f"{name}.{strange[0]}", known)
     return kind(**{key: _read_value(value, known[key], f"{name}.{key}") for key, value in values.items()})
 
 

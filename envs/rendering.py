@@ -7,6 +7,7 @@ down, which smooths their edges; text is written last. The legend beside the map
 from __future__ import annotations
 
 import math
+import os
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ FINE = 2  # painted at so many times the size
 SIDE = MAP * FINE
 NEAREST_VIEW = 70.0  # half the width of the closest view [m]
 ELLIPSE = math.sqrt(-2.0 * math.log(1.0 - 0.95))  # holds 95 % of a normal distribution [standard deviations]
+UNSEEN = ("dummy", "offscreen")  # what SDL falls back to where there is no screen
+NO_SCREEN = "there is no screen for a window; `tagtrack eval video` makes a file, and render_mode='rgb_array' gives pictures"
 
 
 class Reading(NamedTuple):
@@ -130,13 +133,22 @@ class Picture:
         return np.frombuffer(rows, np.uint8).reshape(MAP, MAP + PANEL, 3).copy()
 
     def show(self) -> bool:
-        """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``; whether nobody has asked to close it."""
+        """Bring the picture to a window, no faster than ``FRAMES_PER_SECOND``; whether nobody has asked to close it.
+
+        Raises:
+            OSError: where there is no screen.
+        """
         surface = self._paint_surface()
         pygame = self._pygame
         if self._window is None:
-            pygame.display.init()
-            pygame.display.set_caption("TagTrack")
-            self._window = pygame.display.set_mode((MAP + PANEL, MAP))
+            try:
+                pygame.display.init()
+                pygame.display.set_caption("TagTrack")
+                self._window = pygame.display.set_mode((MAP + PANEL, MAP))
+            except pygame.error as error:
+                raise OSError(f"{NO_SCREEN} ({error})") from None
+            if "SDL_VIDEODRIVER" not in os.environ and pygame.display.get_driver() in UNSEEN:
+                raise OSError(NO_SCREEN)
             self._clock = pygame.time.Clock()
         self._window.blit(surface, (0, 0))
         closed = bool(pygame.event.get(pygame.QUIT))

@@ -28,7 +28,7 @@ from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.modem import Modem, ModemRule, PerfectModem, modem_rule
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
-from tagtrack.envs.validation import brief, require, settle_numbers
+from tagtrack.envs.validation import brief, require, settle_numbers, unknown
 
 LONGEST_STEP = 1e5  # [s], a little more than a day
 MOST_STEPS = 10**7  # of an episode
@@ -266,4 +266,4 @@ def find_scenario(env_id: str) -> Scenario:
     for name in (env_id, f"TagTrack/{env_id}"):
         if name in SCENARIOS:
             return SCENARIOS[name]
-    raise ValueError(f"unknown environment {env_id!r}; known: {', '.join(SCENARIOS)}")
+    raise unknown("environment", env_id, SCENARIOS)

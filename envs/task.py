@@ -21,6 +21,7 @@ from tagtrack.envs.overrides import read_scenario, with_overrides
 from tagtrack.envs.presets import find_preset
 from tagtrack.envs.scenario import SCENARIOS, Scenario
 from tagtrack.envs.sim.modem import Modem
+from tagtrack.envs.validation import unknown
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -172,7 +173,7 @@ def full_id(env_id: str) -> str:
             return known
     if _specification(name) is not None:
         return name
-    raise ValueError(f"unknown environment {env_id!r}; known: {', '.join(SCENARIOS)}")
+    raise unknown("environment", env_id, SCENARIOS)
 
 
 def _import(module: str) -> None:

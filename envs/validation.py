@@ -4,12 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 LARGEST = 1e6  # of a parameter: 1,000 km, 11 days. Beyond it float32 ends sooner or later, and no sea does
 FASTEST = 100.0  # of speeds and their spreads [m/s]
+MANY = 24  # names that one still reads through
+
+
+def unknown(what: str, name: Any, known: Iterable[str], *, of: str = "") -> ValueError:
+    """The error for a name that there is not: those like it, and what there is; of many dotted names those of their groups."""
+    names = list(known)
+    short = {each.rpartition("/")[2].lower(): each for each in names}  # namespaces are alike in all
+    near = [short[each] for each in get_close_matches(str(name).rpartition("/")[2].lower(), short, n=2)]
+    guess = f"did you mean {' or '.join(near)}? " if near else ""
+    heads = {each.partition(".")[0] for each in (str(name), *near)}
+    group = [each for each in names if each.partition(".")[0] in heads] if len(names) > MANY else []
+    return ValueError(f"unknown {what} {name!r}{of and f' of {of}'}; {guess}known: {', '.join(group or names)}")
 
 
 def settle_numbers(parameters: Any, **largest: float) -> None:

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.command import tagtrack_here
 from tagtrack.envs.validation import brief
-from tagtrack.eval.report import as_console_table, interval_cell
+from tagtrack.eval.report import as_console_table, interval_cell, show
 from tagtrack.eval.statistics.comparisons import estimate_of, geometric_mean
 from tagtrack.eval.statistics.estimate import Estimate
 
@@ -47,6 +46,8 @@ class Aggregate:
 
 def read_benchmark(folder: Path) -> dict[str, Any]:
     """benchmark.json of a folder. Raises FileNotFoundError or ValueError where there is none that can be read."""
+    if not folder.is_dir():
+        raise FileNotFoundError(f"there is no folder {folder}; name folders that `eval benchmark` wrote")
     path = folder / "benchmark.json"
     if not path.is_file():
         raise FileNotFoundError(f"no benchmark in {folder}: it has no benchmark.json")
@@ -93,4 +94,4 @@ def print_aggregate(documents: Sequence[dict[str, Any]], found: Sequence[Estimat
     ]
     rows.append([f"all {len(found)}", interval_cell(geometric_mean(found).interval().to_json()), ""])
     note = f"Mean error of the first policy over that of {policy}; all: the geometric mean. In brackets 95 % intervals."
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))

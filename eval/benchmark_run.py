@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import rich
-
 from tagtrack.envs.model import import_object
 from tagtrack.envs.task import Task
 from tagtrack.eval.benchmark import OWN_FILES, Benchmark
@@ -20,7 +18,7 @@ from tagtrack.eval.html_report import html_report
 from tagtrack.eval.metrics import Metric
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import console_table, write_benchmark, write_json, write_text
+from tagtrack.eval.report import console_table, show, write_benchmark, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.versions import collect_versions
@@ -44,7 +42,7 @@ def run_benchmark(asked: Benchmark) -> None:
     require_replaceable(out, OWN_FILES, "benchmark")
     with asked.engine.open() as engine:
         comparison = compare_all(asked, task, makers, metrics, engine)
-        rich.print(console_table(comparison.document({})))  # before it is written: a full disk must not cost the result
+        show(console_table(comparison.document({})))  # before it is written: a full disk must not cost the result
         write_results(out, asked, comparison, makers, specs)
         if asked.record:
             options = asked.task.make_options()

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.eval.consistency import PROBABILITIES, TABLE_II, summarize_consistency
@@ -15,7 +14,7 @@ from tagtrack.eval.contestants import find_makers, name_contestants
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.plots import plot_calibration, save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, interval_cell, write_json
+from tagtrack.eval.report import as_console_table, interval_cell, show, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.rollout import Localizer, SeedBlock, block_seed, trace
 from tagtrack.eval.statistics.estimate import Interval
@@ -110,4 +109,4 @@ def print_consistency(document: Mapping[str, Any]) -> None:
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals. The paper's column is Clark et al. 2013, "
         "Table II; a normalized error squared above 2 means that the belief is too sure of itself."
     )
-    rich.print(as_console_table(["figure", "here", "honest", "paper"], rows, note))
+    show(as_console_table(["figure", "here", "honest", "paper"], rows, note))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import sys
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from typing import Any
 import tyro
 
 from tagtrack.command import listing, tagtrack_here
+from tagtrack.eval.command_line import require_words
 from tagtrack.eval.whole_number import NUMBERS
 
 # Command -> where its options stand, and what it does. Only the one that is named is imported: the others' numba can wait.
@@ -68,11 +68,13 @@ def parse(arguments: Sequence[str]) -> Any:
     """The command that a command line asks for. Raises ValueError for one that there is not."""
     name, *rest = arguments
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        guess = f"; did you mean {near[0]}?" if near else f"; known: {', '.join(COMMANDS)}"
-        raise ValueError(f"unknown command {name!r}{guess}")
+        from tagtrack.envs.validation import unknown
+
+        raise unknown("command", name, COMMANDS)
+    kind = find_command(name)
+    require_words(kind, rest)
     with NUMBERS:
-        return tyro.cli(find_command(name), args=rest, prog=f"{tagtrack_here()} eval {name}", config=TYRO)
+        return tyro.cli(kind, args=rest, prog=f"{tagtrack_here()} eval {name}", config=TYRO)
 
 
 def find_command(name: str) -> Any:

@@ -1,10 +1,11 @@
-"""The command line that asks for what an options object holds: for reports, from which a result must be repeated."""
+"""Command lines and the options objects they stand for: what asks for an object's values, and what asks for nothing."""
 
 from __future__ import annotations
 
 import dataclasses
 import shlex
-from typing import Any, get_type_hints
+from collections.abc import Iterator, Sequence
+from typing import Any, get_args, get_origin, get_type_hints
 
 
 def command_line(command: str, asked: Any) -> str:
@@ -39,3 +40,32 @@ def _name_of(field: str, hint: Any) -> str:
         if getattr(note, "name", None):
             return str(note.name)
     return field.replace("_", "-")
+
+
+def require_words(kind: Any, arguments: Sequence[str]) -> None:
+    """Refuse to take a list of nothing for "all" or "the best": ``--policies $MINE`` without that variable meant something else.
+
+    Args:
+        kind: the dataclass of the options.
+    Raises:
+        ValueError: naming the option.
+    """
+    lists = set(_lists(kind))
+    for word, following in zip(arguments, [*arguments[1:], "--"], strict=True):
+        if word.replace("_", "-") in lists and following.startswith("--"):
+            raise ValueError(f"{word} names nothing; give it a value or leave it out")
+
+
+def _lists(kind: Any) -> Iterator[str]:
+    """The options of a dataclass, and of those within it, that take several values and are empty by default."""
+    if not dataclasses.is_dataclass(kind):
+        for part in get_args(kind):
+            yield from _lists(part)
+        return
+    hints = get_type_hints(kind, include_extras=True)
+    for field in dataclasses.fields(kind):
+        plain = get_type_hints(kind)[field.name]
+        if get_origin(plain) is tuple and field.default == ():
+            yield f"--{_name_of(field.name, hints[field.name])}"
+        elif get_origin(plain) is not tuple:
+            yield from _lists(plain)

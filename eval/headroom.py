@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.baselines.futures import HELD, HORIZON, PARTICLES, Futures, better_move, mean_error, steps_of
@@ -25,11 +24,11 @@ from tagtrack.eval.comparison import describe_fleet
 from tagtrack.eval.contestants import find_makers, name_contestants
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, fleet_note, interval_cell, write_json
+from tagtrack.eval.report import as_console_table, fleet_note, interval_cell, show, write_json
+from tagtrack.eval.results_folder import require_writable_file
 from tagtrack.eval.rollout import Localizer, PolicyMaker, SeedBlock, block_seed
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.estimate import Interval
-from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 from tagtrack.eval.whole_number import WholeNumber
 
@@ -201,4 +200,4 @@ def print_headroom(document: Mapping[str, Any]) -> None:
         "over episodes. Left is by how much better single moves would lower the mean error, to first order; with few futures the "
         f"best move is often missed, and it comes out too low.{fleet_note(document['fleet']) if document['fleet'] else ''}"
     )
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.envs.overrides import with_overrides
@@ -19,7 +18,7 @@ from tagtrack.eval.comparison import compare
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.plots import empty_figure, error_bars, save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
+from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, show, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.eval.versions import collect_versions
@@ -70,7 +69,7 @@ class Messages:
             fleet = {"vehicles": task.scenario.vehicles, "tags": task.scenario.targets}
             document = self.document(found, {**self.task.describe(task), **fleet, "versions": collect_versions()})
             table = message_rows(document)
-            rich.print(as_console_table(*table))
+            show(as_console_table(*table))
             with replace_results(out, OWN_FILES) as folder:
                 write_json(folder / "messages.json", document)
                 write_text(folder / "messages.md", as_markdown(*table))

@@ -29,7 +29,7 @@ class TaskOptions:
         tyro.conf.arg(name="set", metavar="NAME=VALUE ..."),
         tyro.conf.UseAppendAction,
     ] = ()
-    """Parameters of the scenario by their dotted names, as water.noisy_share=0.3 belief=levy; a wrong name lists all."""
+    """Parameters of the scenario by their dotted names, as water.noisy_share=0.3 belief=levy; a wrong name lists others."""
     tracks: Annotated[str | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="(none)")] = None
     """csv file (t_unix_s,x,y; of several animals with a column tag) of recorded tracks for the fish to swim."""
     time_scale: Annotated[float | None, tyro.conf.arg(metavar="X", help_behavior_hint="(1)")] = None

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tagtrack.command import print_no_more
 from tagtrack.eval.statistics.clusters import FEWEST, Clusters
 from tagtrack.eval.statistics.estimate import Interval
 from tagtrack.policies.files import replace_file
@@ -162,9 +163,12 @@ def fleet_note(fleet: Mapping[str, Any]) -> str:
 def caption(document: Document) -> str:
     """A few sentences that say what the table was made from and how it is read."""
     later = f"from step {first_step} on, " if (first_step := document.get("from_step")) else ""
+    count = document["episodes"]
+    figures = [*(figure for found in document["policies"].values() for figure in found.values()), *document["ratios"].values()]
+    told = any(figure["low"] is not None for figure in figures)
     text = (
-        f"{document['episodes']} paired episodes of {document['env']}, seed {document['seed']}, {later}"
-        f"{document['particles']} particles; in brackets 95 % intervals over episodes."
+        f"{count} paired episode{'s' * (count != 1)} of {document['env']}, seed {document['seed']}, {later}"
+        f"{document['particles']} particles; {'in brackets 95 % intervals over episodes' if told else 'too few for intervals'}."
     )
     if fleet := document.get("fleet"):
         text += fleet_note(fleet)
@@ -174,7 +178,7 @@ def caption(document: Document) -> str:
             f" The ratio is the mean error of {first} over that of the row's policy: above 1, the row is better. It is better in "
             "so many of the episodes, a tie counting half."
         )
-    if len(document["ratios"]) > 1:
+    if len(document["ratios"]) > 1 and any(found["p_holm"] is not None for found in document["ratios"].values()):
         text += f" A star: another ratio than 1 even for {len(document['ratios'])} comparisons at once (Holm, 5 %)."
     for name, runs in document.get("groups", {}).items():
         ratios = ", ".join(_number(run["ratio"]) for run in runs.values())
@@ -222,7 +226,7 @@ def _plain(text: str) -> str:
 
 
 def console_table(document: Document) -> Table:
-    """The table for the terminal: `rich.print(console_table(document))`."""
+    """The table for the terminal: `show(console_table(document))`."""
     return as_console_table(*table_rows(document, brief=True), caption(document))
 
 
@@ -231,6 +235,16 @@ def as_console_table(header: Sequence[str], rows: Sequence[Sequence[str]], note:
     from tagtrack.eval.console import FittedTable
 
     return FittedTable(header, rows, note)
+
+
+def show(table: Table) -> None:
+    """Print a table. Whoever reads it may stop reading: what comes after it, files above all, is done all the same."""
+    import rich
+
+    try:
+        rich.print(table)
+    except (BrokenPipeError, SystemExit):  # the second is how rich ends a program whose reader has left
+        print_no_more()
 
 
 def write_benchmark(folder: str | os.PathLike[str], document: Document) -> tuple[Path, Path]:

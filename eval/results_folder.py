@@ -45,11 +45,35 @@ def require_replaceable(folder: Path, own: Sequence[str], what: str) -> None:
     nearest = folder.absolute()
     while not nearest.exists():
         nearest = nearest.parent
-    if not nearest.is_dir() or not os.access(nearest, os.W_OK | os.X_OK):
-        raise PermissionError(f"--out {folder} cannot be written ({nearest} refuses); choose another folder")
+    _require_room(nearest, f"--out {folder} cannot be written ({nearest} refuses); choose another folder")
     claim(folder)
     if folder.is_dir():
         settle(folder, own)
+
+
+def require_writable_file(path: Path | None) -> None:
+    """Refuse, before any work is done, a file that cannot be written; None is none.
+
+    Raises:
+        ValueError: if it is a folder. FileNotFoundError: if its folder is missing. PermissionError: if that cannot be written.
+    """
+    if path is None:
+        return
+    folder = path.absolute().parent
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; name a file in it")
+    if not folder.is_dir():
+        raise FileNotFoundError(f"cannot write {path}: make the folder {folder} first")
+    _require_room(folder, f"{path} cannot be written ({folder} refuses); choose another folder")
+
+
+def _require_room(folder: Path, otherwise: str) -> None:
+    """Raise PermissionError unless files can be made in a folder: permissions alone do not tell."""
+    try:
+        with tempfile.TemporaryFile(dir=folder, prefix=PARTIAL):
+            pass
+    except OSError:
+        raise PermissionError(otherwise) from None
 
 
 @contextmanager

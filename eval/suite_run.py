@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rich
 
 from tagtrack.envs.task import Task, build_task
+from tagtrack.envs.validation import unknown
 from tagtrack.eval.cells.cell import Cell
 from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.command_line import command_line
@@ -19,15 +19,14 @@ from tagtrack.eval.contestants import GROUP, make_groups, name_groups
 from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.metrics import Runs, ratio_estimate
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, interval_cell, signed_cell, write_json
-from tagtrack.eval.results_folder import default_folder
+from tagtrack.eval.report import as_console_table, interval_cell, show, signed_cell, write_json
+from tagtrack.eval.results_folder import default_folder, require_writable_file
 from tagtrack.eval.rivals import best_of, rivals_of
 from tagtrack.eval.rollout import SeedBlock, block_seed, cells_of, join_parts
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.comparisons import geometric_mean
 from tagtrack.eval.statistics.estimate import Estimate, Interval
 from tagtrack.eval.suite import Suite
-from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 from tagtrack.policies.box import LEARNED, boxed_policy
 
@@ -128,7 +127,7 @@ def choose_tasks(names: Sequence[str]) -> list[SuiteTask]:
     known = {task.name: task for task in TASKS}
     for name in names:
         if name not in known:
-            raise ValueError(f"unknown task {name!r} of the suite; known: {', '.join(known)}")
+            raise unknown("task", name, known, of="the suite")
     return [known[name] for name in dict.fromkeys(names or known)]
 
 
@@ -250,4 +249,4 @@ def print_suite(document: Mapping[str, Any]) -> None:
         for name, found in ordered
     ]
     note = f"{document['episodes']} episodes of each task, seed {document['seed']}. {document['note']}"
-    rich.print(as_console_table(["policy", "score", *names], rows, note))
+    show(as_console_table(["policy", "score", *names], rows, note))

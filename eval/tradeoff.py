@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.baselines.registry import baseline_parameters
@@ -17,7 +16,7 @@ from tagtrack.eval.contestants import name_contestants
 from tagtrack.eval.options import EpisodeOptions, ManyParticles
 from tagtrack.eval.plots import TradeoffCurve, plot_tradeoff, save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
+from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, show, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.static_array import is_static_array
 from tagtrack.eval.versions import collect_versions
@@ -74,7 +73,7 @@ class Tradeoff:
                 )
             document = tradeoff_document(comparison, curves, {**self.task.describe(task), "versions": collect_versions()})
             table = tradeoff_rows(document)
-            rich.print(as_console_table(*table))
+            show(as_console_table(*table))
             with replace_results(out, OWN_FILES) as folder:
                 write_json(folder / "tradeoff.json", document)
                 write_text(folder / "tradeoff.md", as_markdown(*table))

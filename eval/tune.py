@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.baselines.registry import BASELINES, LEADING_PARAMETERS, usual_parameters
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import Task
+from tagtrack.envs.validation import unknown
 from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.comparison import Comparison, compare, describe_fleet
 from tagtrack.eval.metrics import paired_ratio
 from tagtrack.eval.options import EpisodeOptions, TaskOptions
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, fleet_columns, fleet_note, interval_cell, value_cell, write_json
+from tagtrack.eval.report import as_console_table, fleet_columns, fleet_note, interval_cell, show, value_cell, write_json
+from tagtrack.eval.results_folder import require_writable_file
 from tagtrack.eval.rollout import SeedBlock
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.estimate import Interval
@@ -185,7 +186,7 @@ class Tune:
         """Of the parameter. Raises ValueError for an unknown baseline or one without a number to tune."""
         name = self.policy.partition(":")[0]
         if name not in BASELINES:
-            raise ValueError(f"unknown baseline {name!r}; known: {', '.join(BASELINES)}")
+            raise unknown("baseline", name, BASELINES)
         parameter = self.parameter or LEADING_PARAMETERS.get(name)
         if parameter is None:
             raise ValueError(f"{name} has no number to tune; those that have: {', '.join(LEADING_PARAMETERS)}")
@@ -281,20 +282,6 @@ def print_tuning(document: Mapping[str, Any]) -> None:
         f"{document['particles']} particles; in brackets 95 % bootstrap intervals. The ratio is the best mean error over the "
         f"row's: where its interval reaches 1 the row may be as good.{fleet_note(fleet) if fleet else ''}"
     )
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))
     best = next(row for row in document["values"] if row["policy"] == document["best"])
     print(f"best: {document['best']}, mean error {interval_cell(best['mean_error_m'])} m")
-
-
-def require_writable_file(path: Path | None) -> None:
-    """Refuse, before any work is done, a file that cannot be written.
-
-    Raises:
-        ValueError: if it is a folder. FileNotFoundError: if its folder is missing.
-    """
-    if path is None:
-        return
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder; name a file in it")
-    if not path.absolute().parent.is_dir():
-        raise FileNotFoundError(f"cannot write {path}: make the folder {path.absolute().parent} first")

@@ -46,9 +46,8 @@ class Video:
     def run(self) -> None:
         """Run it."""
         from tagtrack.eval.film import FORMATS, film, save_film
-        from tagtrack.eval.results_folder import default_folder
+        from tagtrack.eval.results_folder import default_folder, require_writable_file
         from tagtrack.eval.rollout import SeedBlock, block_seed
-        from tagtrack.eval.tune import require_writable_file
 
         if self.out is not None and self.out.suffix not in FORMATS:
             raise ValueError(f"--out must end in {' or '.join(FORMATS)}, got {self.out}")

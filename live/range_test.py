@@ -133,7 +133,7 @@ def as_overrides(curve: Curve) -> str:
 
 def run(options: argparse.Namespace) -> None:
     """The command."""
-    from tagtrack.eval.report import as_console_table
+    from tagtrack.eval.report import as_console_table, show
     from tagtrack.eval.results_folder import replace_results, require_replaceable
 
     out = Path(options.out) if options.out else None
@@ -153,9 +153,7 @@ def run(options: argparse.Namespace) -> None:
         for row in rows
     ]  # fmt: skip
     note = f"Tag {tag}: a ping is expected each {options.interval:g} s; in brackets 95 % intervals, pings taken as independent."
-    import rich
-
-    rich.print(as_console_table(["distance [m]", "expected", "heard", "share [%]"], table, note))
+    show(as_console_table(["distance [m]", "expected", "heard", "share [%]"], table, note))
     curve = fit_curve(trials)
     print(f"chance {curve.near:.2f} near by, half of it at {curve.reach:.0f} m, falling over {curve.width:.0f} m")
     print(f"as a scenario: --set {as_overrides(curve)}")

@@ -19,6 +19,7 @@ from tagtrack.envs.belief.assumptions import BELIEFS
 from tagtrack.envs.csv_table import name_cell, open_csv
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.task import Task, build_task, parse_overrides
+from tagtrack.envs.validation import unknown
 from tagtrack.live.calibrated import RangeFinder, read_range_finder
 from tagtrack.live.conventions import Conventions
 from tagtrack.live.journal import JOURNAL_FILE
@@ -359,7 +360,7 @@ def comparison_header(reference: bool) -> list[str]:
 
 def run(options: argparse.Namespace) -> None:
     """The command."""
-    from tagtrack.eval.report import as_console_table, as_markdown
+    from tagtrack.eval.report import as_console_table, as_markdown, show
     from tagtrack.eval.results_folder import replace_results, require_replaceable
     from tagtrack.live.map import plot_mission
 
@@ -372,7 +373,7 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError(f"--reference {options.reference} has {has}, the log {other}; give both in one kind")
     for name in options.compare or ():
         if name not in BELIEFS:
-            raise ValueError(f"unknown filter {name!r}; known: {', '.join(BELIEFS)}")
+            raise unknown("filter", name, BELIEFS)
     if options.seeds < 1:
         raise ValueError(f"--seeds must be at least 1, got {options.seeds}")
     replayed = mission.track()
@@ -397,9 +398,7 @@ def run(options: argparse.Namespace) -> None:
             (folder / "comparison.md").write_text(as_markdown(*table), encoding="utf-8")
     tell(summary)
     if table is not None:
-        import rich
-
-        rich.print(as_console_table(*table))
+        show(as_console_table(*table))
     print(f"written: {out}")
 
 

@@ -79,6 +79,17 @@ def _read_key() -> bytes | None:
     return key.encode() if len(key) == KEY_LENGTH else None
 
 
+def _place(partial: Path, target: Path) -> None:
+    """Give a whole file its name, never over another's. Raises FileExistsError."""
+    try:
+        os.link(partial, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links: of two processes that start together one may sign in vain
+        if not target.exists():
+            partial.rename(target)
+
+
 def _make_key() -> bytes | None:
     """A new key, or the one that another process has just made."""
     target = key_file()
@@ -93,7 +104,7 @@ def _make_key() -> bytes | None:
         with os.fdopen(descriptor, "w", encoding="ascii") as file:
             file.write(secrets.token_hex(KEY_LENGTH // 2))
         with contextlib.suppress(FileExistsError):
-            os.link(partial, target)  # whole, and never over another's
+            _place(partial, target)
     finally:
-        partial.unlink()
+        partial.unlink(missing_ok=True)
     return _read_key()

@@ -53,8 +53,13 @@ def main() -> int:
         print("\nstopped; nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python's own last flush fails no more
+        print_no_more()
         return 1
+
+
+def print_no_more() -> None:
+    """Nobody reads what is printed: it goes nowhere from now on, nor does Python's own last flush fail."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def run(given: list[str]) -> int:

@@ -20,6 +20,12 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first: begun last, one would run on beside idle cores."""
+    longest = ("train/test_several", "eval/test_own_ids", "eval/test_papers", "eval/test_commands", "tests/test_examples")
+    items.sort(key=lambda item: not item.path.with_suffix("").as_posix().endswith(longest))
+
+
 def pytest_runtest_setup() -> None:
     """One torch thread: on a busy machine two are slower than one by two orders of magnitude."""
     torch = sys.modules.get("torch")

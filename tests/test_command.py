@@ -121,3 +121,15 @@ def test_a_reader_who_stops_reading_is_no_error(words):
     with os.fdopen(write, "wb") as closed:
         done = subprocess.run([CONSOLE, *words], stdout=closed, stderr=subprocess.PIPE, text=True, timeout=120)
     assert done.stderr == ""
+
+
+@pytest.mark.skipif(not CONSOLE.exists(), reason="there is no console command beside this Python")
+def test_results_are_written_though_nobody_reads_the_table(tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    words = ["eval", "benchmark", "--policies", "pursuit", "--episodes", "1", "--particles", "20", "--set", "episode_steps=8"]
+    with os.fdopen(write, "wb") as closed:
+        command = [CONSOLE, *words, "--no-film", "--out", "out"]
+        done = subprocess.run(command, cwd=tmp_path, stdout=closed, stderr=subprocess.PIPE, text=True, timeout=300)
+    assert done.returncode == 0 and "rror" not in done.stderr
+    assert (tmp_path / "out" / "benchmark.json").exists() and (tmp_path / "out" / "report.html").exists()

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import tyro
 
 from tagtrack.command import tagtrack_here
+from tagtrack.eval.command_line import require_words
 from tagtrack.train.config import TrainConfig, from_json, merge_texts
 
 
@@ -37,6 +38,7 @@ def guarded(action: Callable[[], int]) -> int:
 
 def parse(arguments: list[str]) -> TrainConfig:
     """The command line over the defaults, or over the file that --config names."""
+    require_words(TrainConfig, arguments)
     config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog=f"{tagtrack_here()} train")
     if config.config is None or config.resume is not None:
         return config

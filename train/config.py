@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from tagtrack.envs.validation import unknown
 from tagtrack.eval.cells.options import EngineOptions
 from tagtrack.eval.whole_number import OptionalWholeNumber, WholeNumber
 
@@ -115,7 +116,7 @@ def from_json(path: Path) -> TrainConfig:
         if name in TOLD:
             continue
         if name not in fields:
-            raise ValueError(f"{path}: unknown setting {name!r}; known: {', '.join(fields)}")
+            raise ValueError(f"{path}: {unknown('setting', name, fields)}")
         try:
             values[name] = _interpret(value, kinds[name])
         except ValueError as error:

@@ -9,7 +9,6 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-import rich
 import torch
 
 from tagtrack.command import tagtrack_here
@@ -18,7 +17,7 @@ from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import compare
 from tagtrack.eval.contestants import PolicySpec
 from tagtrack.eval.plots import plot_learning_curve, save_figure
-from tagtrack.eval.report import console_table, markdown_table, write_text
+from tagtrack.eval.report import console_table, markdown_table, show, write_text
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
@@ -176,6 +175,6 @@ def write_comparison(config: TrainConfig, folder: RunFolder, task: Task, env_id:
     policies[own] = folder.path
     comparison = compare(task, policies, episodes=TABLE_EPISODES, seed=TABLE_SEED, env_id=env_id)
     document = comparison.document(collect_versions())
-    rich.print(console_table(document))  # before it is written: a full disk must not cost the result
+    show(console_table(document))  # before it is written: a full disk must not cost the result
     draw_curve(folder, {rival: comparison.summaries[rival]["mean_error_m"].value for rival in rivals})
     write_text(folder.path / TABLE_FILE, markdown_table(document))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.task import full_id
+from tagtrack.envs.validation import unknown
 from tagtrack.eval.contestants import is_baseline
 from tagtrack.eval.rollout import EPISODES_OF_A_RUN
 from tagtrack.eval.whole_number import read_whole_number
@@ -169,7 +170,7 @@ def _read_hyper(config: TrainConfig, settings: Settings) -> dict[str, Any]:
         if not (name and value):
             raise ValueError(f"a hyper-parameter is set by NAME=VALUE, for instance gamma=0.99; got {text!r}")
         if name not in known:
-            raise ValueError(f"unknown hyper-parameter {name!r} of {config.algo}; known: {', '.join(known)}")
+            raise unknown("hyper-parameter", name, known, of=config.algo)
         if name in texts:
             raise ValueError(f"--hyper {name} is set twice, to {texts[name]} and to {value}; drop one")
         texts[name] = value

@@ -10,8 +10,6 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import rich
-
 from tagtrack.envs.task import Task, full_id
 from tagtrack.envs.workers import cores
 from tagtrack.eval.benchmark_pictures import draw_learning
@@ -21,7 +19,7 @@ from tagtrack.eval.comparison import compare
 from tagtrack.eval.folder_claim import claim, release
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import console_table, markdown_table, write_text
+from tagtrack.eval.report import console_table, markdown_table, show, write_text
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
@@ -141,7 +139,7 @@ def conclude(config: TrainConfig, task: Task, place: Path, folders: Sequence[Pat
     specs: dict[str, str | dict[str, str]] = {**{rival: rival for rival in rivals_of(task)}, GROUP: group}
     comparison = compare(task, specs, episodes=TABLE_EPISODES, seed=TABLE_SEED, env_id=task.env_id)
     document = comparison.document(collect_versions())
-    rich.print(console_table(document))
+    show(console_table(document))
     write_text(place / TABLE_FILE, markdown_table(document))
     if curves := draw_learning(comparison, specs):
         save_figure(place / CURVES_FILE, curves)

@@ -7,14 +7,16 @@ cache, and what both need, whoever comes first has compiled for both.
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import Any
+from typing import IO, Any
 
 import numba
 
@@ -25,10 +27,11 @@ PATIENCE = 10.0  # [s] for what the helping process takes longer
 
 Wanted = tuple[Any, tuple[Any, ...]]  # a kernel and the types of its arguments
 
-# The first line of what it reads is where to look for modules, which is not the working folder by itself; then comes the work.
+# The first line of what it reads is where to look for modules, which is not the working folder by itself; the second is the
+# work. Then nothing comes until the pipe is closed, with the process that asks: who is left without it has no turn to compile.
 _HELPER = (
     "import sys; sys.path[:] = filter(None, sys.path); import json; sys.path[:] = json.loads(sys.stdin.buffer.readline());"
-    "from tagtrack.envs.kernels.binding import help_out; help_out(sys.stdin.buffer.read())"
+    "from tagtrack.envs.kernels.binding import help_out; help_out(sys.stdin.buffer)"
 )
 
 
@@ -69,13 +72,15 @@ def _help(wanted: Sequence[Wanted]) -> Iterator[None]:
         if helper is not None:
             helper.kill()
             helper.wait()
+            with suppress(OSError):
+                helper.stdin.close()  # type: ignore[union-attr]
 
 
 def _start(wanted: Sequence[Wanted]) -> subprocess.Popen[bytes] | None:
     if not sys.executable or getattr(sys, "frozen", False):
         return None  # no interpreter to start
     names = [(kernel.py_func.__module__, kernel.py_func.__qualname__, types) for kernel, types in wanted]
-    work = json.dumps(sys.path).encode() + b"\n" + pickle.dumps(names)
+    work = json.dumps(sys.path).encode() + b"\n" + pickle.dumps(names).hex().encode() + b"\n"
     try:
         helper = subprocess.Popen(
             [sys.executable, "-c", _HELPER],
@@ -86,13 +91,21 @@ def _start(wanted: Sequence[Wanted]) -> subprocess.Popen[bytes] | None:
     except OSError:
         return None
     assert helper.stdin is not None
-    with suppress(OSError), helper.stdin as pipe:
-        pipe.write(work)
+    with suppress(OSError):
+        helper.stdin.write(work)
+        helper.stdin.flush()
     return helper
 
 
-def help_out(work: bytes) -> None:
+def help_out(pipe: IO[bytes]) -> None:
     """In the helping process: compile kernels named by their modules, within the turn of the process that asks."""
     TURN.belongs_to_parent = True
-    for module, name, types in pickle.loads(work):
+    work = pickle.loads(bytes.fromhex(pipe.readline().decode()))
+
+    def follow() -> None:
+        os.read(pipe.fileno(), 1)  # of the file itself: Python could not end while a thread waits in a buffer of its own
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+    for module, name, types in work:
         getattr(import_module(module), name).compile(types)

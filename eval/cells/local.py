@@ -25,6 +25,7 @@ ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")  # t
 # In a process of the pool.
 _counts: Any = None  # units done by each cell, shared with the parent
 _busy = False
+_interrupted = False  # by a Ctrl-C that came before there was anything to do
 
 
 def run_here(cells: Mapping[int, Cell], report: Report) -> Iterator[tuple[int, Done]]:
@@ -111,8 +112,10 @@ def _begin(counts: Any, patient: bool) -> None:
         os.setpgrp()  # the terminal's Ctrl-C goes to the parent alone
 
     def interrupt(number: int, frame: Any) -> None:
+        global _interrupted
         if _busy:
             raise KeyboardInterrupt
+        _interrupted = True
 
     signal.signal(signal.SIGINT, interrupt if patient else signal.SIG_IGN)
     parent = parent_process()
@@ -133,9 +136,12 @@ def _run(place: int, parcel: Parcel) -> Done:
     put(0)  # it may run for the second time
     _busy = True
     try:
+        if _interrupted:
+            raise KeyboardInterrupt
         return parcel.run(_adding(put))
     finally:
         _busy = False
+_interrupted = False  # by a Ctrl-C that came before there was anything to do
 
 
 def _adding(put: Callable[[int], None]) -> Callable[[int], None]:

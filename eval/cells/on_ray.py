@@ -42,13 +42,14 @@ def run_on_ray(
         What a cell raises.
     """
     ray = connect(address, processes)
-    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
-
-    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    board = ray.remote(Board).options(num_cpus=0, max_restarts=-1, scheduling_strategy=here).remote()
-    work = ray.remote(_run).options(num_cpus=1, max_retries=RETRIES)
-    running = {work.remote(number, parcel, board): number for number, parcel in parcels.items()}
+    running: dict[Any, int] = {}
     try:
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
+        board = ray.remote(Board).options(num_cpus=0, max_restarts=-1, scheduling_strategy=here).remote()
+        work = ray.remote(_run).options(num_cpus=1, max_retries=RETRIES)
+        running |= {work.remote(number, parcel, board): number for number, parcel in parcels.items()}
         while running:
             finished, _ = ray.wait(list(running), num_returns=1, timeout=POLL)
             with suppress(ray.exceptions.RayError):  # the bar stands still while its board is made anew

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.eval.cells.cell import Done
@@ -20,7 +19,7 @@ from tagtrack.eval.papers.registry import EXPERIMENTS
 from tagtrack.eval.papers.running import run_experiments
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import write_json, write_text
+from tagtrack.eval.report import show, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.rollout import SeedBlock, block_seed
 from tagtrack.eval.versions import collect_versions
@@ -65,7 +64,7 @@ class Papers:
             found: dict[Experiment, Findings] = {experiment: done.value for experiment, done in taken.items()}
             seconds = {experiment: done.seconds for experiment, done in taken.items()}
             document = papers_document(found, seconds=seconds, seed=self.seed, size=size, versions=collect_versions())
-            rich.print(console_table(document))
+            show(console_table(document))
             with replace_results(out, OWN_FILES) as folder:
                 write_json(folder / "papers.json", document)
                 write_text(folder / "papers.md", as_markdown_page(document))

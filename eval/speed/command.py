@@ -12,7 +12,6 @@ from typing import Annotated, Any
 
 import gymnasium
 import numpy as np
-import rich
 import tyro
 
 import tagtrack  # noqa: F401  registers the ids
@@ -22,10 +21,10 @@ from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
 from tagtrack.eval.comparison import describe_fleet
 from tagtrack.eval.options import TaskOptions
-from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.report import as_console_table, show, write_json
+from tagtrack.eval.results_folder import require_writable_file
 from tagtrack.eval.speed.filter_bank import FilterBank, ReferenceBank
 from tagtrack.eval.speed.timing import Step, time_in_turn
-from tagtrack.eval.tune import require_writable_file
 from tagtrack.eval.versions import collect_versions
 
 OWN_ID = "TagTrack/LeopardShark-v0"  # of ours, by which Gymnasium makes an environment of any task
@@ -207,4 +206,4 @@ def print_speed(document: dict[str, Any]) -> None:
     )
     if fleet:
         note += " A joint step is one of all vehicles of a world; beliefs are those of one world."
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))

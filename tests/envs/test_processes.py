@@ -1,7 +1,9 @@
 """Environments in other processes: forked ones, many new ones at once, ones that may write nowhere, pickled functions."""
 
+import json
 import multiprocessing
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tagtrack.envs.kernels import compiling, turns
+from tagtrack.envs.kernels import binding, compiling, turns
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import build_task
 from tagtrack.envs.vector import TagTrackVectorEnv
@@ -95,6 +97,17 @@ def test_of_several_kernels_another_process_compiles_some(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert run_python(TWO.format(before=before)) == f"{compiled_here}\n2.7183 0.6931\n"
     assert run_python(TWO.format(before=before)) == "0 0\n2.7183 0.6931\n"
+
+
+def test_the_helping_process_ends_with_the_one_that_asks(tmp_path: Path) -> None:
+    """Whoever would have waited for its turn compiles next; the helper has none of its own."""
+    (tmp_path / "slow.py").write_text("import time\nclass kernel:\n    compile = staticmethod(lambda types: time.sleep(100))\n")
+    helper = subprocess.Popen([sys.executable, "-c", binding._HELPER], stdin=subprocess.PIPE)
+    assert helper.stdin is not None
+    work = pickle.dumps([("slow", "kernel", ())]).hex()
+    helper.stdin.write(f"{json.dumps([str(tmp_path), *sys.path])}\n{work}\n".encode())
+    helper.stdin.close()
+    assert helper.wait(timeout=60) == 1
 
 
 def test_where_nothing_can_be_written_a_temporary_folder_holds_the_code(tmp_path: Path, run_python: Callable[..., str]) -> None:

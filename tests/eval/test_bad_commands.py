@@ -2,6 +2,7 @@
 
 import errno
 import resource
+from pathlib import Path
 
 import pytest
 
@@ -39,6 +40,9 @@ def refused(evaluate, tmp_path, monkeypatch):
     ("arguments", "complaint"),
     [
         (("--env", "Pond-v0"), "unknown environment 'Pond-v0'; known: TagTrack/LeopardShark-v0,"),
+        (("--env", "RangeOnly"), "did you mean TagTrack/RangeOnly-v0 or TagTrack/RangeOnlyGlider-v0? known: TagTrack/Leopard"),
+        (("--policies",), "--policies names nothing; give it a value or leave it out"),
+        (("--metrics", "--episodes", "4"), "--metrics names nothing"),
         (("--policies", "zigzag"), f"unknown policy 'zigzag': there is no such folder, and the baselines are {BASELINES}"),
         (("--policies", "circle", "circle"), "two policies go by the name 'circle'"),
         (("--policies", "pursuit", "circle:far"), "radius must be a number, got 'far'"),
@@ -53,7 +57,9 @@ def refused(evaluate, tmp_path, monkeypatch):
         (("--seed", "-1"), "--seed must be from 0 to 2147483647, got -1"),
         (("--set", "tag.period=-2"), "period must be positive, got -2.0"),
         (("--set", "tag.period=nan"), "tag.period must be a number, got 'nan'"),
-        (("--set", "water.mud=1"), "unknown parameter 'water.mud'; known: time_step,"),
+        (("--set", "water.mud=1"), "unknown parameter 'water.mud'; did you mean water.reach? known: water.reach, water.edge"),
+        (("--set", "wter.reach=1"), "unknown parameter 'wter.reach'; did you mean water.reach? known: water.reach,"),
+        (("--set", "mud=1"), "unknown parameter 'mud'; known: time_step,"),
         (("--set", "water"), "NAME=VALUE"),
         (("--set", "tag.period=2", "--set", "tag.period=4"), "tag.period is set twice, to 2 and to 4; drop one"),
         (("--set", "belief.particles=5"), "--particles"),
@@ -82,6 +88,7 @@ def test_benchmark_names_the_value_and_the_way_out(refused, arguments, complaint
         (("tune", *SHORT, "--policy", "random"), "no usual range for seed of random; give --values"),
         (("tune", *SHORT, "--values", "10", "-10"), "radius must be positive, got -10"),
         (("tune", *SHORT, "--out", "missing/tune.json"), "make the folder"),
+        (("tune", *SHORT, "--values"), "--values names nothing"),
         (("tradeoff", *SHORT, "--env", "LeopardShark-v0"), "has no perimeter to keep"),
         (("tradeoff", *SHORT, "--heuristics", "random"), "random has neither a perimeter nor a radius"),
         (("tradeoff", *SHORT, "--heuristics"), "name at least one policy"),
@@ -189,3 +196,9 @@ def test_a_mistake_in_the_grammar_shows_no_traceback(evaluate):
         status, _, err = evaluate(*arguments)
         assert status == 2
         assert "Traceback" not in err
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses root as well")
+@pytest.mark.parametrize("command", [("benchmark", *SHORT), ("suite", "--quick"), ("tune", *SHORT), ("headroom", *SHORT)])
+def test_a_place_that_cannot_be_written_is_found_out_first(refused, command):
+    assert "cannot be written (/proc refuses); choose another folder" in refused(*command, "--out", "/proc/mine")

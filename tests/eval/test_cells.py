@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tagtrack.eval.cells import local
 from tagtrack.eval.cells.cell import Cell, Done, pack
 from tagtrack.eval.cells.engine import Engine
 from tagtrack.eval.cells.kept import Kept, cache_folder
@@ -24,6 +25,15 @@ from tagtrack.eval.contestants import find_makers
 from tagtrack.eval.episode_record import join
 from tagtrack.eval.rollout import cells_of, roll_out
 from tests.eval.cell_functions import double, kill_the_process_once, note_and_double, refuse, wait_for_the_end
+
+
+def test_ctrl_c_that_came_before_the_work_is_heeded_when_it_comes(monkeypatch):
+    monkeypatch.setattr(local, "_counts", [0])
+    monkeypatch.setattr(local, "_interrupted", True)
+    with pytest.raises(KeyboardInterrupt):
+        local._run(0, pack(cell(2)))
+    assert not local._busy
+
 
 ENGINES = [
     pytest.param(Engine(), id="here"),

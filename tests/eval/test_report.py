@@ -8,7 +8,7 @@ import pytest
 
 from tagtrack.eval.episode_record import EpisodeRecord
 from tagtrack.eval.metrics import compare_runs, summarize
-from tagtrack.eval.report import benchmark_document, console_table, markdown_table, table_rows, write_benchmark
+from tagtrack.eval.report import benchmark_document, caption, console_table, markdown_table, table_rows, write_benchmark
 from tagtrack.eval.statistics.bootstrap import Bootstrap
 from tagtrack.eval.statistics.estimate import Interval
 
@@ -97,6 +97,16 @@ def test_markdown_is_one_table_with_as_many_cells_in_every_row():
     cells = [line.replace(r"\|", "").count("|") for line in lines[:4]]
     assert len(set(cells)) == 1
     assert "2 paired episodes of TagTrack/LeopardShark-v0, seed 0, 4000 particles" in lines[5]
+
+
+def test_caption_speaks_of_intervals_and_stars_only_where_there_are_some():
+    told = caption(document(names=("three_step", "a", "b")))
+    assert "in brackets 95 % intervals" in told and "A star" in told
+    one = document(names=("three_step", "a", "b")) | {"episodes": 1}
+    for figure in [*(f for found in one["policies"].values() for f in found.values()), *one["ratios"].values()]:
+        figure |= {"low": None, "high": None, "p_holm": None}
+    assert caption(one).startswith("1 paired episode of") and "too few for intervals." in caption(one)
+    assert "bracket" not in caption(one) and "star" not in caption(one)
 
 
 def test_caption_tells_which_animals_were_replayed():

@@ -71,3 +71,13 @@ def test_watch_ends_when_its_window_is_closed(evaluate, monkeypatch):
     monkeypatch.setattr(pygame.event, "get", lambda *_: asked.append(1) or [None] * (len(asked) == 3))
     assert evaluate("watch", *SHORT, "--policy", "pursuit")[0] == 0
     assert len(asked) == 3
+
+
+def test_watch_without_a_screen_is_a_line_with_the_way_out(evaluate, monkeypatch):
+    import pygame
+
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")  # SDL's way out, which nobody sees
+    monkeypatch.setattr(pygame.display, "set_mode", lambda *_: None)
+    status, _, errors = evaluate("watch", *SHORT, "--policy", "pursuit")
+    assert status == 2 and "there is no screen for a window; `tagtrack eval video` makes a file" in errors

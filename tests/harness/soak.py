@@ -11,7 +11,7 @@ rounds.
 from __future__ import annotations
 
 import argparse
-import resource
+import os
 import time
 from typing import Any
 
@@ -94,9 +94,7 @@ def play(simulation: Simulation, seed: tuple[int, int], where: str) -> None:
 
 def find_outside(simulation: Simulation, space: Any) -> list[str]:
     """Names of the features that have left their space."""
-    wrong = ~((simulation.observation >= space.low) & (simulation.observation <= space.high)).reshape(
-        -1, space.shape[-1]
-    )
+    wrong = ~((simulation.observation >= space.low) & (simulation.observation <= space.high)).reshape(-1, space.shape[-1])
     return [name for name, out in zip(feature_names(simulation.scenario), wrong.any(axis=0), strict=True) if out]
 
 
@@ -110,8 +108,10 @@ def memory() -> int:
     """What this process holds in memory [B]."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
-            return int(file.read().split()[1]) * resource.getpagesize()
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:  # no Linux: the most that it ever held
+        import resource
+
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 

@@ -56,7 +56,7 @@ def test_whole_numbers_may_have_an_exponent(tmp_path):
         ({"out": 5}, "out must be a text or null, got 5"),
         ({"algo": "dqn"}, 'algo must be one of ppo, sac, got "dqn"'),
         ({"algo": []}, "algo must be one of ppo, sac, got []"),
-        ({"speed": 5}, "unknown setting 'speed'; known: env, algo, steps"),
+        ({"speed": 5}, "unknown setting 'speed'; did you mean seed? known: env, algo, steps"),
         ({"trust": True}, "unknown setting 'trust'"),
         ([], "must hold an object of settings, got list"),
         ("{", "not a JSON file"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 from stable_baselines3 import PPO
 
 from tagtrack.policies.files import load_policy
+from tagtrack.policies.trust import is_signature, signature_of
 from tagtrack.train import session
 from tagtrack.train.lock import FolderLock
 from tests.train.conftest import SMALL, steps_in
@@ -143,6 +145,18 @@ def test_training_goes_on_where_no_key_can_be_kept(tmp_path, train, monkeypatch)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "file"))
     assert train("--steps", "50", *SMALL, "--out", "run")[0] == 0
     assert latest(tmp_path / "run")["signature"] is None
+
+
+def test_a_key_is_made_where_there_are_no_hard_links(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.setattr(os, "link", refuse_links)
+    signature = signature_of(b"mine")
+    assert signature is not None and is_signature(signature, b"mine") and not is_signature(signature, b"thine")
+    assert [path.name for path in (tmp_path / "tagtrack").iterdir()] == ["key"]
+
+
+def refuse_links(*_):
+    raise PermissionError("no links here")
 
 
 @pytest.mark.parametrize("folder", ["/tmp/steps_2048", "../steps_2048", "steps_2048/..", "", 5, None])

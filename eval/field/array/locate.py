@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.envs.csv_table import name_field
@@ -20,7 +19,7 @@ from tagtrack.eval.field.array.reading import describe_plane
 from tagtrack.eval.field.telemetry import Plane, Reference, read_receivers, read_reference
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.report import as_console_table, show, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -87,7 +86,10 @@ class Locate:
             "versions": collect_versions(),
         }
         print_summary(document, plane)
-        for remark in [remark for each in located for remark in each.remarks]:
+        remarks = [remark for each in located for remark in each.remarks]
+        if reference is not None and reference.track is not None and len(located) > 1:
+            remarks.append(f"{self.reference} tells one track: all {len(located)} tags are judged by it; --tags names its own")
+        for remark in remarks:
             print(f"note: {remark}")
         with replace_results(self.out, OWN_FILES) as folder:
             columns = ",".join([COLUMNS, *([DEPTH_COLUMNS] if self.source.depth else []), *(["lon,lat"] if plane else [])])
@@ -191,7 +193,7 @@ def print_summary(document: dict[str, Any], plane: Plane | None = None) -> None:
     note = f"{document['method']}, {document['sound_speed_m_s']:g} m/s"
     note += f", {document['average']} pings to a position" if document["average"] > 1 else ""
     note += f", a position each {document['average_hours']:g} h" if document["average_hours"] else ""
-    rich.print(as_console_table(header, rows, note + describe_plane(plane)))
+    show(as_console_table(header, rows, note + describe_plane(plane)))
     for tag, figures in document["tags"].items():
         if figures["heard"] and not figures["located"]:
             print(

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import rich
 import tyro
 
 from tagtrack.eval.field.array.monte_carlo import PLACES, repeat, summarize
@@ -21,7 +20,7 @@ from tagtrack.eval.field.static_array.printed_filter import printed_particle_fil
 from tagtrack.eval.field.static_array.registry import METHODS, Estimator
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, write_json, write_text
+from tagtrack.eval.report import as_console_table, as_markdown, interval_cell, show, write_json, write_text
 from tagtrack.eval.results_folder import default_folder, replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -111,7 +110,7 @@ class Simulate:
             "versions": collect_versions(),
         }
         for place in PLACES:
-            rich.print(as_console_table(*table_of(document, place), note_of(document, place)))
+            show(as_console_table(*table_of(document, place), note_of(document, place)))
         with replace_results(out, OWN_FILES) as folder:
             write_json(folder / "simulation.json", document)
             write_text(folder / "table.md", as_page(document))

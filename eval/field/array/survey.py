@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.envs.csv_table import name_cell
@@ -22,7 +21,7 @@ from tagtrack.eval.field.static_array.places import Places, Placing, place_freel
 from tagtrack.eval.field.static_array.survey import Baseline, OneWay, survey_distances, survey_receivers
 from tagtrack.eval.field.telemetry import Plane, read_own_tags
 from tagtrack.eval.plots import save_figure
-from tagtrack.eval.report import as_console_table, write_json, write_text
+from tagtrack.eval.report import as_console_table, show, write_json, write_text
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -176,9 +175,9 @@ def print_survey(document: Mapping[str, Any], plane: Plane | None = None) -> Non
     ]
     header = ["receivers", "distance [m]", "sd [m]", "there less back [m]", "residual [m]", "pings", "outliers"]
     note = "Residual: measured distance less that of the places. sd without the error of the sound speed."
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))
     figures = ("x", "y", "sd_x", "sd_y", "from_reference_m")
     rows = [[line["receiver"], *(cell(line[figure]) for figure in figures)] for line in document["receivers"]]
     note = "sd of the shape alone: where it lies and how it is turned is taken from the reference places, with their errors"
     note += describe_plane(plane) + "."
-    rich.print(as_console_table(["receiver", "x [m]", "y [m]", "sd x [m]", "sd y [m]", "from reference [m]"], rows, note))
+    show(as_console_table(["receiver", "x [m]", "y [m]", "sd x [m]", "sd y [m]", "from reference [m]"], rows, note))

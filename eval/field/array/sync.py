@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.eval.field.array.reading import fit_names, read_aloud, read_places
@@ -23,7 +22,7 @@ from tagtrack.eval.field.static_array.model import Floats
 from tagtrack.eval.field.telemetry import read_sync_tags, write_detections
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.report import as_console_table, show, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -175,7 +174,7 @@ def print_sync(document: Mapping[str, Any]) -> None:
     )
     if document["segment_days"]:
         note += f" Polynomials each {document['segment_days']:.3g} days."
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))
     for clock in document["clocks"]:
         if clock["outliers"] > MANY_OUTLIERS * clock["points"]:
             print(f"note: {clock['outliers']} outliers of {clock['receiver']}: a clock that jumps or bends? Try --segment-days")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.envs.motions.tracks import Track, find_unbroken, split_tracks
@@ -22,7 +21,7 @@ from tagtrack.eval.field.static_array.smoothing import SmoothTrack, choose_walk,
 from tagtrack.eval.field.telemetry import read_receivers, write_movebank, write_tracks
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
-from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.report import as_console_table, show, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -236,7 +235,7 @@ def print_animals(document: dict[str, Any]) -> None:
     note = f"pings: located; refused: that the animal's walk does not explain; a row each {document['interval_s']:g} s"
     if document["odd_even_median_m"] is not None:
         note += f"; tracks of odd and of even pings are {document['odd_even_median_m']:.2f} m apart in the median of all rows"
-    rich.print(as_console_table(header, rows, note))
+    show(as_console_table(header, rows, note))
     for tag, figures in document["tags"].items():
         if figures["pings_undecided"]:
             share = f"{figures['pings_undecided']} of {figures['pings_located']} pings of {tag}"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import rich
 import tyro
 
 from tagtrack.envs.sim.sound_speed import USUAL_SOUND_SPEED
@@ -19,7 +18,7 @@ from tagtrack.eval.field.tag_clock.calibration import TAU, TICK, Calibration, Di
 from tagtrack.eval.field.tag_clock.calibration_plot import plot_differences
 from tagtrack.eval.field.tag_clock.time_of_flight import aliasing_range
 from tagtrack.eval.plots import save_figure
-from tagtrack.eval.report import as_console_table, write_json
+from tagtrack.eval.report import as_console_table, show, write_json
 from tagtrack.eval.results_folder import replace_results, require_replaceable
 from tagtrack.eval.versions import collect_versions
 
@@ -148,7 +147,7 @@ def print_calibration(document: Mapping[str, Any]) -> None:
         f"{document['outliers']}, more than {document['tau_s']:g} s from {document['nominal_period_s']:g} s. Ranges alias at "
         f"+-{document['aliasing_range_m']:.0f} m for {document['sound_speed_m_s']:g} m/s."
     )
-    rich.print(as_console_table(["difference", "count", "shortest [s]", "longest [s]"], rows, note))
+    show(as_console_table(["difference", "count", "shortest [s]", "longest [s]"], rows, note))
     line, paper = document["by_line"], document["by_differences"]
     print(f"T_c {line['period']:.8f} s, standard error {line['standard_error']:.1e} s (line through the arrivals)")
     print(

@@ -146,6 +146,13 @@ def test_a_wrong_option_is_named(
     assert not (campaign / "out").exists()
 
 
+def test_one_track_for_several_tags_is_noted(campaign: Path, array: Run) -> None:
+    (campaign / "track.csv").write_text(f"t_unix_s,x,y\n{BEGIN},30,20\n{BEGIN + 10_000},30,20\n")
+    reference = ("--reference", str(campaign / "track.csv"))
+    assert "tells one track: all 2 tags are judged by it" in array("locate", *reference, "--tags", "rest-1", "rest-2")[1]
+    assert "tells one track" not in array("locate", *reference, "--tags", "rest-1")[1]
+
+
 def test_receivers_of_another_array_are_refused(campaign: Path, array: Callable[..., tuple[int, str]]) -> None:
     (campaign / "receivers.csv").write_text("receiver,x,y\nA,0,0\nB,1,0\nC,0,1\n")
     status, printed = array("locate")
