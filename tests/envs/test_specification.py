@@ -74,7 +74,7 @@ def test_models_of_ones_own_are_found_by_their_module(repository: Path, monkeypa
     ("plain", "says"),
     [
         ({"fish": {"kind": "Teleport"}}, "fish.kind must be one of MomentumRandomWalk"),
-        ({"depth": 3}, "unknown parameter scenario.depth"),
+        ({"depth": 3}, "unknown parameter 'scenario.depth'"),
     ],
 )
 def test_description_of_what_there_is_not_is_refused(plain: dict[str, Any], says: str) -> None:

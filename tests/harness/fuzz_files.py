@@ -120,8 +120,12 @@ def refused(read: Callable[[], object]) -> bool:
 
 
 @cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="tagtrack-fuzz-")  # gone with the process
+
+
 def place() -> Path:
-    return Path(tempfile.mkdtemp(prefix="tagtrack-fuzz-"))
+    return Path(_folder().name)
 
 
 def written(name: str, content: bytes | str) -> Path:
