@@ -69,6 +69,11 @@ def observe(out, listener, dx, dy, estimated, estimated_spread, length, spread, 
         out[1] = min(max((reading - expected) / spread, -8.0), 8.0)
 
 
+def require_factor(receiver: Any) -> None:
+    """Refuse a ``range_factor`` of no sound speed, by which a reading would put particles where float32 ends."""
+    require(0.1 <= receiver.range_factor <= 10.0, receiver, "range_factor", "from 0.1 to 10")
+
+
 @dataclass(frozen=True, kw_only=True)
 class RangeReceiver(Sensor):
     """Slant range, by modem or synchronized tag. A belief scores by ``range_sigma`` and ``range_factor`` (Eq. 21).
@@ -94,8 +99,8 @@ class RangeReceiver(Sensor):
         settle_numbers(self)
         for name in ("range_sigma", "range_tolerance", "max_range"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
-        for name in ("range_factor", "silence_sigma"):
-            require(getattr(self, name) > 0, self, name, "positive")
+        require(self.silence_sigma > 0, self, "silence_sigma", "positive")
+        require_factor(self)
         require(0 < self.reception <= 1, self, "reception", "more than 0 and at most 1")
 
     def unread(self, side: str) -> dict[str, str]:

@@ -23,7 +23,7 @@ from tagtrack.envs.sensors.bearing import (
     read_units,
     side_angles,
 )
-from tagtrack.envs.sensors.ranging import weigh_range
+from tagtrack.envs.sensors.ranging import require_factor, weigh_range
 from tagtrack.envs.sensors.sensor import OBSERVE, READ, WEIGH, Gate, Glimpse, Prospect, Sensor
 from tagtrack.envs.sensors.stereo import weigh_bearing
 from tagtrack.envs.validation import require, settle_numbers
@@ -132,8 +132,9 @@ class TimeOfFlightReceiver(Sensor):
 
     def __post_init__(self) -> None:
         settle_numbers(self)
-        for name in ("bearing_sigma", "range_factor", "sound_speed", "tick", "largest_jump"):
+        for name in ("bearing_sigma", "sound_speed", "tick", "largest_jump"):
             require(getattr(self, name) > 0, self, name, "positive")
+        require_factor(self)
         for name in ("range_sigma", "hours_since_calibration", "wander", "code_spacing"):
             require(getattr(self, name) >= 0, self, name, "at least 0")
         require(0 <= self.misread <= 1, self, "misread", "within 0 to 1")
