@@ -7,11 +7,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-import tyro
-
 from tagtrack.command import listing, tagtrack_here
-from tagtrack.eval.command_line import require_words
-from tagtrack.eval.whole_number import NUMBERS
+from tagtrack.eval.parsing import parse_options
 
 # Command -> where its options stand, and what it does. Only the one that is named is imported: the others' numba can wait.
 COMMANDS = {
@@ -31,7 +28,6 @@ COMMANDS = {
     "array": ("tagtrack.eval.field.array.command:Array", "moored receivers: clocks, places, positions, tracks"),
     "minari": ("tagtrack.eval.minari_sets:Minari", "data sets for offline learning"),
 }
-TYRO = (tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -71,10 +67,7 @@ def parse(arguments: Sequence[str]) -> Any:
         from tagtrack.envs.validation import unknown
 
         raise unknown("command", name, COMMANDS)
-    kind = find_command(name)
-    require_words(kind, rest)
-    with NUMBERS:
-        return tyro.cli(kind, args=rest, prog=f"{tagtrack_here()} eval {name}", config=TYRO)
+    return parse_options(find_command(name), rest, prog=f"{tagtrack_here()} eval {name}")
 
 
 def find_command(name: str) -> Any:

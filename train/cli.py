@@ -6,10 +6,8 @@ import dataclasses
 import sys
 from collections.abc import Callable
 
-import tyro
-
 from tagtrack.command import tagtrack_here
-from tagtrack.eval.command_line import require_words
+from tagtrack.eval.parsing import parse_options
 from tagtrack.train.config import TrainConfig, from_json, merge_texts
 
 
@@ -38,13 +36,13 @@ def guarded(action: Callable[[], int]) -> int:
 
 def parse(arguments: list[str]) -> TrainConfig:
     """The command line over the defaults, or over the file that --config names."""
-    require_words(TrainConfig, arguments)
-    config: TrainConfig = tyro.cli(TrainConfig, args=arguments, prog=f"{tagtrack_here()} train")
+    program = f"{tagtrack_here()} train"
+    config: TrainConfig = parse_options(TrainConfig, arguments, prog=program)
     if config.config is None or config.resume is not None:
         return config
     file = from_json(config.config)
     default = dataclasses.replace(file, config=config.config, out=None, resume=None, set=(), hyper=())
-    config = tyro.cli(TrainConfig, args=arguments, default=default, prog=f"{tagtrack_here()} train")
+    config = parse_options(TrainConfig, arguments, prog=program, default=default)
     return dataclasses.replace(config, set=merge_texts(file.set, config.set), hyper=merge_texts(file.hyper, config.hyper))
 
 

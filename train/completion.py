@@ -11,7 +11,8 @@ import tyro
 
 from tagtrack.command import COMMANDS as GROUPS
 from tagtrack.command import COMPLETION, SHELLS
-from tagtrack.eval.cli import COMMANDS, TYRO, find_command
+from tagtrack.eval.cli import COMMANDS, find_command
+from tagtrack.eval.parsing import TYRO, flowing_help
 from tagtrack.live.cli import make_parser
 from tagtrack.train.config import TrainConfig
 
@@ -41,6 +42,6 @@ def _graft(groups: Any, name: str, text: str, parser: argparse.ArgumentParser) -
 
 
 def _options_of(command: Any) -> argparse.ArgumentParser:
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), flowing_help(command):
         warnings.simplefilter("ignore", DeprecationWarning)  # tyro will offer completion of its own, of one command
         return tyro.extras.get_parser(command, config=TYRO)  # type: ignore[return-value]  # its copy of argparse
