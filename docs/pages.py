@@ -100,8 +100,7 @@ def _table(env_id: str) -> str:
     except ValueError:
         return ""
     record = json.loads((folder / "run.json").read_text())
-    command = record["command"].replace("python -m train", "tagtrack train")
-    return "\n".join(["## The learned policy of the package", "", f"`{command}`", "", *record["table"]])
+    return "\n".join(["## The learned policy of the package", "", f"`{record['command']}`", "", *record["table"]])
 
 
 def docstring_as_markdown(text: str | None) -> str:

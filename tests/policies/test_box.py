@@ -26,7 +26,7 @@ def test_there_is_one_for_each_task_and_it_steers(env_id: str, fleet: dict[str, 
     folder = boxed_policy(task.env_id, vehicles=task.scenario.vehicles, tags=task.scenario.targets)
     assert (folder / WEIGHTS_FILE).stat().st_size < 130_000
     told = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    assert told["command"].startswith("python -m train") and {"seed", "versions", "table"} <= set(told)
+    assert told["command"].startswith("tagtrack train") and {"seed", "versions", "table"} <= set(told)
     names = feature_names(task.scenario)
     load_policy(folder, names, action_names=action_names(task.scenario), env_id=task.env_id)
     comparison = compare(task, ["stationary", "learned"], episodes=4)

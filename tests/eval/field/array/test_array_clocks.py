@@ -1,4 +1,4 @@
-"""`python -m eval array sync` and `survey`: what they print and write, and one line where the files do not do."""
+"""`tagtrack eval array sync` and `survey`: what they print and write, and one line where the files do not do."""
 
 import csv
 import gzip

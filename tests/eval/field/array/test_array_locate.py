@@ -1,4 +1,4 @@
-"""`python -m eval array locate` and `array tracks`: from detections in a file to positions and tracks in files."""
+"""`tagtrack eval array locate` and `array tracks`: from detections in a file to positions and tracks in files."""
 
 from __future__ import annotations
 

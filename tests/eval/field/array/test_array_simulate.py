@@ -1,4 +1,4 @@
-"""`python -m eval array simulate`: its scene, its figures against the bound, and what it prints and writes."""
+"""`tagtrack eval array simulate`: its scene, its figures against the bound, and what it prints and writes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m eval calibrate`: what it prints and writes, and one line where the arrivals give no period."""
+"""`tagtrack eval calibrate`: what it prints and writes, and one line where the arrivals give no period."""
 
 import errno
 import json
