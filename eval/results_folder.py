@@ -68,10 +68,9 @@ def require_writable_file(path: Path | None) -> None:
 
 
 def _require_room(folder: Path, otherwise: str) -> None:
-    """Raise PermissionError unless files can be made in a folder: permissions alone do not tell."""
+    """Raise PermissionError unless something can be made in a folder: permissions alone do not tell."""
     try:
-        with tempfile.TemporaryFile(dir=folder, prefix=PARTIAL):
-            pass
+        tempfile.TemporaryDirectory(dir=folder, prefix=PARTIAL).cleanup()
     except OSError:
         raise PermissionError(otherwise) from None
 

@@ -43,7 +43,20 @@ def box_run(run: Path, name: str) -> Path:
 def command_of(config: dict[str, Any]) -> str:
     """The command line that a run's config.json came from."""
     words = ["tagtrack", "train"]
-    for name in ("env", "algo", "steps", "seed", "num_envs", "preset", "particles", "motion", "vehicles", "tags", "modem", "start"):
+    for name in (
+        "env",
+        "algo",
+        "steps",
+        "seed",
+        "num_envs",
+        "preset",
+        "particles",
+        "motion",
+        "vehicles",
+        "tags",
+        "modem",
+        "start",
+    ):
         if config.get(name) is not None:
             words += [f"--{name.replace('_', '-')}", str(config[name])]
     for name in ("set", "hyper"):
