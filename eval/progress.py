@@ -1,9 +1,13 @@
-"""A progress bar, over env steps or what else a command counts, on a terminal only: logs and pipes stay clean."""
+"""A progress bar, over env steps or what else a command counts; where there is no terminal, as in a log, a line each minute."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+SILENCE = 60.0  # [s] between the lines of a log
 
 
 @contextmanager
@@ -11,11 +15,17 @@ def progress_bar(total: int, unit: str = "steps") -> Iterator[Callable[[str, int
     """Give a function that is told which policy (or stage) has just done how many units, of ``total`` for all."""
     from tqdm import tqdm
 
-    running = ""
+    running, done, told = "", 0, time.monotonic()
     with tqdm(total=total, unit=f" {unit}", unit_scale=True, disable=None, leave=False, dynamic_ncols=True) as bar:
 
         def advance(policy: str, steps: int) -> None:
-            nonlocal running
+            nonlocal running, done, told
+            if bar.disable:
+                done += steps
+                if time.monotonic() - told >= SILENCE:
+                    told = time.monotonic()
+                    print(f"{policy}: {100 * done // total} % of all {unit}", file=sys.stderr, flush=True)
+                return
             if policy != running:
                 running = policy
                 bar.set_description(policy, refresh=False)

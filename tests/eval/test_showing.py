@@ -1,9 +1,10 @@
-"""Help that fits the terminal: texts flow, whatever lines they have in the sources."""
+"""What commands show beside their results: help that fits the terminal, whatever lines it has in the sources; progress."""
 
 from __future__ import annotations
 
 import pytest
 
+from tagtrack.eval import progress
 from tagtrack.eval.cli import COMMANDS, main
 from tagtrack.train.cli import main as train
 
@@ -31,3 +32,12 @@ def test_a_list_of_nothing_is_refused_where_it_would_mean_the_default(capsys):
     assert train(["--seeds"]) == 2 and main(["suite", "--tasks", "--quick"]) == 2
     told = capsys.readouterr().err
     assert "--seeds names nothing; give it a value or leave it out" in told and "--tasks names nothing" in told
+
+
+def test_a_log_hears_of_long_work_each_minute_and_of_short_work_nothing(monkeypatch, capsys):
+    with progress.progress_bar(200) as advance:
+        advance("circle", 50)
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(progress, "SILENCE", 0.0)
+        advance("pursuit", 50)
+    assert capsys.readouterr().err == "pursuit: 50 % of all steps\n"
