@@ -32,7 +32,7 @@ from tagtrack.envs.validation import brief, require, settle_numbers, unknown
 
 LONGEST_STEP = 1e5  # [s], a little more than a day
 MOST_STEPS = 10**7  # of an episode
-MOST_CORRECTIONS = 10_000  # of the heading, in a time step
+MOST_REPEATS = 10_000  # in a time step, of what happens again and again: corrections of the heading, pings, packets, legs
 
 
 class Formation(enum.IntEnum):
@@ -115,13 +115,19 @@ class Scenario:
                 raise ValueError(f"Scenario.{name} must be a whole number of at least 1, got {brief(value)}")
             if value > most:
                 raise ValueError(f"Scenario.{name} must be at most {most}, got {brief(value)}")
-        finest = self.time_step / MOST_CORRECTIONS
-        rule = f"at least {finest:g} s, a {MOST_CORRECTIONS}th of the time step"
-        require(self.vehicle.control_interval >= finest, self.vehicle, "control_interval", rule)
         if not isinstance(self.fish, (Motion, Path)):
             raise ValueError(f"Scenario.fish must be a Motion or a Path, got {self.fish!r}")
         self._check_receiver()
         self._check_modem()
+        self._check_pace()
+
+    def _check_pace(self) -> None:
+        """Nothing within a time step may go on for ever."""
+        finest = self.time_step / MOST_REPEATS
+        paced = ((self.vehicle, "control_interval"), (self.tag, "period"), (self.modem, "slot"), (self.fish, "longest_leg"))
+        for part, name in paced:
+            if getattr(part, name, 0.0):  # 0: it never happens
+                require(getattr(part, name) >= finest, part, name, f"at least {finest:g} s, a {MOST_REPEATS}th of the time step")
 
     def _check_modem(self) -> None:
         if not isinstance(self.modem, Modem):

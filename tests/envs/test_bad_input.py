@@ -48,6 +48,8 @@ SHELLS = [TagTrackEnv, TagTrackVectorEnv, TagTrackVecEnv]
         ({"vehicles": 21}, "vehicles must be a whole number from 1 to 20, got 21"),
         ({"tags": 0}, "tags must be a whole number from 1 to 20, got 0"),
         ({"modem": "radio"}, "modem must be one of perfect, none, instant, tdma, .*got 'radio'"),
+        ({"overrides": {"tag.period": 5e-150}}, "Tag.period must be at least 0.0002 s, a 10000th of the time step"),
+        ({"overrides": {"fish": "legs", "fish.longest_leg": 1e-9}}, "StraightLegs.longest_leg must be at least 0.0002 s"),
         ({"overrides": {"vehicle.control_interval": 1e-6}}, "control_interval must be at least 0.0002 s, a 10000th of the time"),
         ({"overrides": {"time_step": 1e7}}, r"time_step must be at most 100000 in size, got 1e\+07"),
         ({"overrides": {"targets": 10**6}}, "targets must be at most 256, got 1000000"),

@@ -2,15 +2,20 @@
 
     python -m tests.harness.fuzz [EXAMPLES_OF_EACH_KIND] [KIND ...]
 
-Prints a line for each kind of input, and stops at the first example that ends otherwise, shrunk and ready to be made a test.
+Prints a line for each kind of input, and stops at the first example that ends otherwise, shrunk and ready to be made a test; one
+that does not end within a minute is printed as it is.
 """
 
 from __future__ import annotations
 
+import os
 import sys
+import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, settings
 
@@ -19,11 +24,17 @@ from tests.harness.fuzz_lines import LINE_KINDS
 from tests.harness.fuzz_worlds import WORLDS
 
 KINDS: dict[str, Callable[..., None]] = {**WORLDS, **FILES, **LINE_KINDS}
+PATIENCE = 60.0  # [s] for one example
 
 
 def fuzz(kind: str, examples: int, *, seed: int | None = None) -> None:
     """Try a kind of input so many times. Raises whatever an example ends with that is no refusal."""
     case, strategy = KINDS[kind]
+
+    def try_case(asked: Any) -> None:
+        with ended(kind, asked):
+            case(asked)
+
     tried = settings(
         max_examples=examples,
         deadline=None,
@@ -31,7 +42,7 @@ def fuzz(kind: str, examples: int, *, seed: int | None = None) -> None:
         derandomize=seed is None,
         phases=(Phase.generate, Phase.shrink),
         suppress_health_check=list(HealthCheck),
-    )(given(strategy)(case))
+    )(given(strategy)(try_case))
     if seed is not None:
         from hypothesis import seed as with_seed
 
@@ -39,6 +50,23 @@ def fuzz(kind: str, examples: int, *, seed: int | None = None) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tried()
+
+
+@contextmanager
+def ended(kind: str, asked: Any) -> Iterator[None]:
+    """End the process, with a line that names the example, if it does not end: compiled code heeds no exception."""
+
+    def give_up() -> None:
+        print(f"{kind}: no end after {PATIENCE:g} s: {asked!r}", flush=True)
+        os._exit(1)
+
+    timer = threading.Timer(PATIENCE, give_up)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def main() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -14,6 +16,12 @@ from tests.harness.soak import TASKS, soak
 @pytest.mark.parametrize("kind", KINDS)
 def test_nonsense_is_refused_or_harmless(kind):
     fuzz(kind, 60)
+
+
+def test_nonsense_that_does_not_end_is_named(repository):
+    code = "import time\nfrom tests.harness import fuzz\nfuzz.PATIENCE = 0.1\nwith fuzz.ended('lines', 7): time.sleep(100)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=repository, capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stdout) == (1, "lines: no end after 0.1 s: 7\n")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills are made in forked processes")
