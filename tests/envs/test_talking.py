@@ -194,7 +194,7 @@ def test_measurements_that_come_too_late_are_counted_not_used() -> None:
         ({"modem.slots": 2}, "TdmaModem.slots must be at least 3, the number of vehicles"),
         ({"modem.packet_bytes": 16}, r"packet_bytes must be at least 17: the pose \(8\) and one measurement of 1 readings"),
         ({"modem.loss": 1.5}, "TdmaModem.loss must be within 0 to 1, got 1.5"),
-        ({"modem.slot": 1e-9}, "TdmaModem.slot must be at least 0.0002 s, a 10000th of the time step"),
+        ({"modem.slot": 1e-9}, "TdmaModem.slot must be at least 0.001 s, a 10000th of the time step"),
         ({"modem.slot": 0.0}, "TdmaModem.slot must be positive and at most 3600, got 0.0"),
         ({"modem.slots": 10**9}, "TdmaModem.slots must be a whole number from 0 to 1000, got 1000000000"),
         ({"modem.packet_bytes": 10**6}, "TdmaModem.packet_bytes must be a whole number from 1 to 10000"),
