@@ -40,5 +40,5 @@ def read_range_finder(path: str | Path) -> RangeFinder:
         document = json.loads(path.read_text(encoding="utf-8"))
         clock = TagClock(period=float(document["by_line"]["period"]), first_ping=float(document["first_ping_s"]))
         return RangeFinder(clock, float(document["sound_speed_m_s"]), str(document["code"]))
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path} is no calibration that eval calibrate has written ({error}); calibrate again") from None

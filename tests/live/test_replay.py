@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from tagtrack.envs.task import Task, build_task
+from tagtrack.live.calibrated import read_range_finder
 from tagtrack.live.journal import JOURNAL_FILE, Journal
 from tagtrack.live.recording import Recorder
 from tagtrack.live.steer import handle, prepare
@@ -162,3 +163,13 @@ def test_the_journal_of_a_mission_is_a_log(tmp_path: Path, live: Live) -> None:
     assert live("replay", "--log", folder, "--out", tmp_path / "out")[0] == 0
     last = helm.tracker.last_estimates()[0]
     np.testing.assert_allclose(estimates_of(tmp_path / "out", 1)[-1, 0], (last.best_x, last.best_y))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"first_ping_s": 10**401}, {"by_line": {"period": -(10**401)}}, {"by_line": []}, {"sound_speed_m_s": None}]
+)
+def test_what_is_no_calibration_is_refused(tmp_path: Path, changes: dict) -> None:
+    calibration = {"by_line": {"period": 2.0}, "first_ping_s": 0.25, "sound_speed_m_s": 1500.0, "code": 27}
+    (tmp_path / "calibration.json").write_text(json.dumps(calibration | changes))
+    with pytest.raises(ValueError, match="is no calibration that eval calibrate has written"):
+        read_range_finder(tmp_path)
