@@ -69,9 +69,14 @@ def read_events(path: Path) -> Iterator[dict[str, Any]]:
                 event = json.loads(line)
             except (ValueError, RecursionError):
                 event = None
-            if not isinstance(event, dict) or not (number == 1 or _is_whole(event)):
+            if not isinstance(event, dict) or not (_is_header(event) if number == 1 else _is_whole(event)):
                 raise ValueError(f"{path}: line {number} is damaged; what comes after it cannot be trusted")
             yield event
+
+
+def _is_header(event: dict[str, Any]) -> bool:
+    """Whether a first line is a mission's, and has not run together with the second."""
+    return not {"from", "to"} & event.keys()
 
 
 def _is_whole(event: dict[str, Any]) -> bool:

@@ -140,6 +140,9 @@ def test_a_half_line_is_cut_off_and_a_damaged_one_is_told(tmp_path: Path, live: 
     path.write_text("{}\nnonsense\n")
     with pytest.raises(ValueError, match="line 2 is damaged"):
         list(read_events(path))
+    path.write_text('{"mission":{},"format":1,"from":"vehicle","line":"x"}\n')  # the first line, run together with the second
+    with pytest.raises(ValueError, match="line 1 is damaged"):
+        list(read_events(path))
 
 
 NEW = ("--env", "AreaOnly-v0", "--policy", "circle", "--tags", "1", "--log", "m")
