@@ -24,6 +24,11 @@ def test_nonsense_that_does_not_end_is_named(repository):
     assert (done.returncode, done.stdout) == (1, "lines: no end after 0.1 s: 7\n")
 
 
+def test_what_a_stranger_does_first_runs(run_python, tmp_path, repository):
+    """The release check runs the same beside each wheel."""
+    assert "gymnasium" in run_python((repository / "tests" / "harness" / "typed" / "driver.py").read_text(), cwd=tmp_path)
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills are made in forked processes")
 def test_a_killed_command_goes_on_to_the_same_results():
     assert kill(4, seed=1, names=["eval consistency", "array locate"]) == {"eval consistency": 2, "array locate": 2}

@@ -20,7 +20,7 @@ for _ in range(3):
 check_env(env.unwrapped, skip_render_check=True)
 env.close()
 
-batch = gymnasium.make_vec("TagTrack/RangeOnly-v0", num_envs=3, vector_kwargs={"particles": 50})
+batch = gymnasium.make_vec("TagTrack/RangeOnly-v0", num_envs=3, particles=50, autoreset_mode="SameStep")
 batch.reset(seed=1)
 batch.step(batch.action_space.sample())
 batch.close()
