@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 from tagtrack.envs.kernels.calling import ROW
+from tagtrack.envs.validation import guess
 
 TRUTH, BELIEF = "the truth", "a belief"
 
@@ -58,7 +59,8 @@ def find_model(text: str, known: Mapping[str, type[Any]], kinds: tuple[type[Any]
         return known[text]()
     if ":" not in text:
         choice = f"one of {', '.join(known)}, or " if known else ""
-        raise ValueError(f"{parameter} must be {choice}MODULE:CLASS of your own, got {text!r}")
+        near = guess(text, known)
+        raise ValueError(f"{parameter} must be {choice}MODULE:CLASS of your own, got {text!r}{near and f'; {near.rstrip()}'}")
     model = import_object(text)
     if not (isinstance(model, type) and issubclass(model, kinds)):
         names = " or ".join(f"{kind.__module__}.{kind.__name__}" for kind in kinds)

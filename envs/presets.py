@@ -16,6 +16,7 @@ from tagtrack.envs.sensors import RangeReceiver
 from tagtrack.envs.sim.acoustics import Water
 from tagtrack.envs.sim.vehicle import Vehicle
 from tagtrack.envs.tag import Tag
+from tagtrack.envs.validation import guess
 
 STEP = 30.0  # of both systems [s]: one range and one turn each
 SCALE = Scale(length=200.0, near=60.0, spread=20.0, memory=200.0)
@@ -111,5 +112,5 @@ def find_preset(env_id: str, name: str) -> Scenario:
     known = PRESETS.get(env_id) or PRESETS.get(f"TagTrack/{env_id}") or {}
     if name not in known:
         listed = f"known: {', '.join(known)}" if known else f"there are presets of {', '.join(PRESETS)}"
-        raise ValueError(f"unknown preset {name!r} of {env_id}; {listed}")
+        raise ValueError(f"unknown preset {name!r} of {env_id}; {guess(name, known)}{listed}")
     return known[name]

@@ -148,6 +148,7 @@ class Picture:
             except pygame.error as error:
                 raise OSError(f"{NO_SCREEN} ({error})") from None
             if "SDL_VIDEODRIVER" not in os.environ and pygame.display.get_driver() in UNSEEN:
+                self.close()
                 raise OSError(NO_SCREEN)
             self._clock = pygame.time.Clock()
         self._window.blit(surface, (0, 0))

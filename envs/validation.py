@@ -18,12 +18,22 @@ MANY = 24  # names that one still reads through
 def unknown(what: str, name: Any, known: Iterable[str], *, of: str = "") -> ValueError:
     """The error for a name that there is not: those like it, and what there is; of many dotted names those of their groups."""
     names = list(known)
-    short = {each.rpartition("/")[2].lower(): each for each in names}  # namespaces are alike in all
-    near = [short[each] for each in get_close_matches(str(name).rpartition("/")[2].lower(), short, n=2)]
-    guess = f"did you mean {' or '.join(near)}? " if near else ""
+    near = _near(name, names)
     heads = {each.partition(".")[0] for each in (str(name), *near)}
     group = [each for each in names if each.partition(".")[0] in heads] if len(names) > MANY else []
-    return ValueError(f"unknown {what} {name!r}{of and f' of {of}'}; {guess}known: {', '.join(group or names)}")
+    listed = f"{', '.join(group)} ({len(names)} in all)" if group else ", ".join(names)
+    return ValueError(f"unknown {what} {name!r}{of and f' of {of}'}; {guess(name, names)}known: {listed}")
+
+
+def guess(name: Any, known: Iterable[str]) -> str:
+    """Words on what a wrong name may have meant; none where nothing is like it."""
+    near = _near(name, known)
+    return f"did you mean {' or '.join(near)}? " if near else ""
+
+
+def _near(name: Any, known: Iterable[str]) -> list[str]:
+    short = {each.rpartition("/")[2].lower(): each for each in known}  # namespaces are alike in all
+    return [short[each] for each in get_close_matches(str(name).rpartition("/")[2].lower(), short, n=2)]
 
 
 def settle_numbers(parameters: Any, **largest: float) -> None:

@@ -51,9 +51,13 @@ def require_words(kind: Any, arguments: Sequence[str]) -> None:
         ValueError: naming the option.
     """
     lists = set(_lists(kind))
+    if {"-h", "--help"} & set(arguments):
+        return
     for word, following in zip(arguments, [*arguments[1:], "--"], strict=True):
-        if word.replace("_", "-") in lists and following.startswith("--"):
-            raise ValueError(f"{word} names nothing; give it a value or leave it out")
+        name, given, value = word.partition("=")
+        value = value if given else following
+        if name.replace("_", "-") in lists and (not value or value.startswith("--")):
+            raise ValueError(f"{name} names nothing; give it a value or leave it out")
 
 
 def _lists(kind: Any) -> Iterator[str]:

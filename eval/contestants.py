@@ -21,6 +21,7 @@ from tagtrack.envs.model import import_object
 from tagtrack.envs.scenario import Scenario
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.task import Task
+from tagtrack.envs.validation import guess
 from tagtrack.eval.rollout import Contestant, Localizer, PolicyMaker
 from tagtrack.eval.sb3_zip import is_zip, load_zip
 from tagtrack.eval.static_array import NAME, is_static_array, read_static_array
@@ -166,7 +167,8 @@ def _given(policy: Policy, simulation: Simulation) -> Policy:
 
 def _load(folder: Path, scenario: Scenario, env_id: str) -> Policy:
     if not folder.exists():
-        raise ValueError(f"unknown policy {str(folder)!r}: there is no such folder, and {_choices()}")
+        near = guess(folder, [*BASELINES, LEARNED, NAME])
+        raise ValueError(f"unknown policy {str(folder)!r}: {near}there is no such folder, and {_choices()}")
     policy = load_policy(
         folder,
         feature_names(scenario),

@@ -25,26 +25,28 @@ def parse_options(kind: Any, arguments: Sequence[str], *, prog: str, default: An
         ValueError: for a list that is named and left empty. SystemExit: where tyro has shown the help or what is wrong.
     """
     require_words(kind, arguments)
-    with NUMBERS, flowing_help(kind):
+    with NUMBERS, flowing_help(kind, arguments):
         if default is None:
             return tyro.cli(kind, args=arguments, prog=prog, config=TYRO)
         return tyro.cli(kind, args=arguments, prog=prog, config=TYRO, default=default)
 
 
 @contextmanager
-def flowing_help(kind: Any) -> Iterator[None]:
+def flowing_help(kind: Any, arguments: Sequence[str] = ()) -> Iterator[None]:
     """tyro breaks the text of an option where our sources break it, and the description of a command nowhere.
 
     Both pass one function of its own; a tyro without that shows its help as it will.
     """
-    strings: Any = importlib.import_module("tyro._strings")
     name = "remove_single_line_breaks"
-    usual = getattr(strings, name, None)
-    if usual is None:
+    try:
+        strings: Any = importlib.import_module("tyro._strings")
+        usual = getattr(strings, name)
+    except (ImportError, AttributeError):
         yield
         return
     width = max(shutil.get_terminal_size().columns, 30)
-    descriptions = {" ".join((each.__doc__ or "").split()) for each in (kind, *_subcommands(kind))}
+    shown = [kind, *(each for each in _subcommands(kind) if each.__name__.lower() in arguments)]
+    descriptions = {" ".join((each.__doc__ or "").split()) for each in shown}
 
     def flow(text: str) -> str:
         paragraphs = [" ".join(each.split()) for each in re.split(r"\n\s*\n", text.strip())]

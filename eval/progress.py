@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 SILENCE = 60.0  # [s] between the lines of a log
 
@@ -24,7 +24,8 @@ def progress_bar(total: int, unit: str = "steps") -> Iterator[Callable[[str, int
                 done += steps
                 if time.monotonic() - told >= SILENCE:
                     told = time.monotonic()
-                    print(f"{policy}: {100 * done // total} % of all {unit}", file=sys.stderr, flush=True)
+                    with suppress(OSError):  # nobody reads it any more
+                        print(f"{policy}: {100 * done // max(total, 1)} % of all {unit}", file=sys.stderr, flush=True)
                 return
             if policy != running:
                 running = policy

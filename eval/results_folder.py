@@ -45,7 +45,7 @@ def require_replaceable(folder: Path, own: Sequence[str], what: str) -> None:
     nearest = folder.absolute()
     while not nearest.exists():
         nearest = nearest.parent
-    _require_room(nearest, f"--out {folder} cannot be written ({nearest} refuses); choose another folder")
+    _require_room(nearest, f"--out {folder}")
     claim(folder)
     if folder.is_dir():
         settle(folder, own)
@@ -64,15 +64,15 @@ def require_writable_file(path: Path | None) -> None:
         raise ValueError(f"{path} is a folder; name a file in it")
     if not folder.is_dir():
         raise FileNotFoundError(f"cannot write {path}: make the folder {folder} first")
-    _require_room(folder, f"{path} cannot be written ({folder} refuses); choose another folder")
+    _require_room(folder, str(path))
 
 
-def _require_room(folder: Path, otherwise: str) -> None:
+def _require_room(folder: Path, what: str) -> None:
     """Raise PermissionError unless something can be made in a folder: permissions alone do not tell."""
     try:
         tempfile.TemporaryDirectory(dir=folder, prefix=PARTIAL).cleanup()
-    except OSError:
-        raise PermissionError(otherwise) from None
+    except OSError as error:
+        raise PermissionError(f"{what} cannot be written ({folder}: {error.strerror}); choose another folder") from None
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import select
 import subprocess
 import sys
 import threading
@@ -24,6 +25,7 @@ from tagtrack.envs.kernels.turns import TURN, can_lock, is_ready
 from tagtrack.envs.workers import cores
 
 PATIENCE = 10.0  # [s] for what the helping process takes longer
+LEFT_ALONE = 75  # its exit status where nobody waits for it any more
 
 Wanted = tuple[Any, tuple[Any, ...]]  # a kernel and the types of its arguments
 
@@ -102,9 +104,12 @@ def help_out(pipe: IO[bytes]) -> None:
     TURN.belongs_to_parent = True
     work = pickle.loads(bytes.fromhex(pipe.readline().decode()))
 
-    def follow() -> None:
-        os.read(pipe.fileno(), 1)  # of the file itself: Python could not end while a thread waits in a buffer of its own
-        os._exit(1)
+    asking = os.getppid()
+
+    def follow() -> None:  # forks of the one that asks may hold the pipe open beyond its end
+        while os.getppid() == asking and not select.select([pipe], [], [], 1.0)[0]:
+            pass
+        os._exit(LEFT_ALONE)
 
     threading.Thread(target=follow, daemon=True).start()
     for module, name, types in work:

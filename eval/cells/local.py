@@ -141,7 +141,6 @@ def _run(place: int, parcel: Parcel) -> Done:
         return parcel.run(_adding(put))
     finally:
         _busy = False
-_interrupted = False  # by a Ctrl-C that came before there was anything to do
 
 
 def _adding(put: Callable[[int], None]) -> Callable[[int], None]:

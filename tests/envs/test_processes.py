@@ -107,7 +107,7 @@ def test_the_helping_process_ends_with_the_one_that_asks(tmp_path: Path) -> None
     work = pickle.dumps([("slow", "kernel", ())]).hex()
     helper.stdin.write(f"{json.dumps([str(tmp_path), *sys.path])}\n{work}\n".encode())
     helper.stdin.close()
-    assert helper.wait(timeout=60) == 1
+    assert helper.wait(timeout=60) == binding.LEFT_ALONE
 
 
 def test_where_nothing_can_be_written_a_temporary_folder_holds_the_code(tmp_path: Path, run_python: Callable[..., str]) -> None:

@@ -201,4 +201,4 @@ def test_a_mistake_in_the_grammar_shows_no_traceback(evaluate):
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses root as well")
 @pytest.mark.parametrize("command", [("benchmark", *SHORT), ("suite", "--quick"), ("tune", *SHORT), ("headroom", *SHORT)])
 def test_a_place_that_cannot_be_written_is_found_out_first(refused, command):
-    assert "cannot be written (/proc refuses); choose another folder" in refused(*command, "--out", "/proc/mine")
+    assert "cannot be written (/proc: " in refused(*command, "--out", "/proc/mine")
