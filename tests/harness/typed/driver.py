@@ -11,6 +11,7 @@ import pettingzoo
 from gymnasium.utils.env_checker import check_env
 
 import tagtrack
+from tagtrack.envs.parallel import parallel_env
 from tagtrack.eval import compare
 
 env = gymnasium.make("tagtrack:TagTrack/LeopardShark-v0", particles=50)
@@ -25,7 +26,10 @@ batch.reset(seed=1)
 batch.step(batch.action_space.sample())
 batch.close()
 
-fleet = pettingzoo.make("parallel", "tagtrack/range_only_v0", vehicles=3, tags=2, modem="tdma", particles=50)
+if hasattr(pettingzoo, "make"):  # from 1.27 on
+    fleet = pettingzoo.make("parallel", "tagtrack/range_only_v0", vehicles=3, tags=2, modem="tdma", particles=50)
+else:
+    fleet = parallel_env("TagTrack/RangeOnly-v0", vehicles=3, tags=2, modem="tdma", particles=50)
 fleet.reset(seed=1)
 fleet.step({agent: fleet.action_space(agent).sample() for agent in fleet.agents})
 fleet.close()
