@@ -43,7 +43,7 @@ class Benchmark:
     metrics: Annotated[tuple[str, ...], tyro.conf.arg(metavar="MODULE:FUNCTION ...", help_behavior_hint="(none)")] = ()
     """Figures of your own: functions of an EpisodeRecord (errors, ranges, each (E, K) [m]) that give a number for each of E."""
     film: bool = True
-    """A moving picture of the median episode in report.html: the first policy and the best other one (needs pygame-ce)."""
+    """Whether report.html has a moving picture of the median episode: the first policy and the best other one (pygame-ce)."""
     record: WholeNumber = 0
     """Episodes of each policy, the first ones, that are also written as logs of missions, for `tagtrack live replay`."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR", help_behavior_hint="(runs/benchmark-ID-TIME)")] = None

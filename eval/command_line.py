@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shlex
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from typing import Any, get_args, get_origin, get_type_hints
 
 
@@ -53,7 +54,7 @@ def require_words(kind: Any, arguments: Sequence[str]) -> None:
     lists = set(_lists(kind))
     if {"-h", "--help"} & set(arguments):
         return
-    for word, following in zip(arguments, [*arguments[1:], "--"], strict=True):
+    for word, following in zip_longest(arguments, arguments[1:], fillvalue="--"):
         name, given, value = word.partition("=")
         value = value if given else following
         if name.replace("_", "-") in lists and (not value or value.startswith("--")):

@@ -42,10 +42,7 @@ def require_replaceable(folder: Path, own: Sequence[str], what: str) -> None:
         for entry in sorted(folder.iterdir()):
             if not any(entry.match(pattern) for pattern in own) and not _is_left(entry):
                 raise ValueError(f"--out {folder} holds {entry.name}, which is no part of a {what}; choose another folder")
-    nearest = folder.absolute()
-    while not nearest.exists():
-        nearest = nearest.parent
-    _require_room(nearest, f"--out {folder}")
+    require_room(folder, f"--out {folder}")
     claim(folder)
     if folder.is_dir():
         settle(folder, own)
@@ -64,11 +61,14 @@ def require_writable_file(path: Path | None) -> None:
         raise ValueError(f"{path} is a folder; name a file in it")
     if not folder.is_dir():
         raise FileNotFoundError(f"cannot write {path}: make the folder {folder} first")
-    _require_room(folder, str(path))
+    require_room(folder, str(path))
 
 
-def _require_room(folder: Path, what: str) -> None:
-    """Raise PermissionError unless something can be made in a folder: permissions alone do not tell."""
+def require_room(folder: Path, what: str) -> None:
+    """Raise PermissionError unless something can be made in a folder, or where that is made: permissions alone do not tell."""
+    folder = folder.absolute()
+    while not folder.exists():
+        folder = folder.parent
     try:
         tempfile.TemporaryDirectory(dir=folder, prefix=PARTIAL).cleanup()
     except OSError as error:

@@ -386,9 +386,7 @@ def run(options: argparse.Namespace) -> None:
         table = (
             comparison_header(reference is not None),
             compare_filters(mission, options.compare, options.seeds, reference),
-            f"Means over {options.seeds} seeds +- standard deviation over them, metres. In k s: share of time [%] that the "
-            f"reference lay within k sigmas; honest beliefs have {', '.join(f'{100 * share:.0f}' for share in HONEST.values())} "
-            "and a NEES (normalized error squared) of 2.",
+            comparison_note(options.seeds, reference is not None),
         )
     with replace_results(out, OWN_FILES) as folder:
         write_estimates(folder / "estimates.csv", replayed)
@@ -400,6 +398,18 @@ def run(options: argparse.Namespace) -> None:
     if table is not None:
         show(as_console_table(*table))
     print(f"written: {out}")
+
+
+def comparison_note(seeds: int, judged: bool) -> str:
+    """What stands below the comparison of filters."""
+    note = f"Means over {seeds} seeds +- standard deviation over them, metres."
+    if not judged:
+        return note
+    honest = ", ".join(f"{100 * share:.0f}" for share in HONEST.values())
+    return (
+        f"{note} In k s: share of time [%] that the reference lay within k sigmas; honest beliefs have {honest} and a NEES "
+        "(normalized error squared) of 2."
+    )
 
 
 def _find_reference(options: argparse.Namespace) -> Reference | None:

@@ -311,5 +311,6 @@ def _require_layout(
     env = env_id or "this environment"
     raise ValueError(
         f"the policy in {folder} was trained on {description['env_id']!r}, where {noun} {first} is {had[first]}; "
-        f"{env} has {want[first]} there: use a policy trained on {env}, with the same vehicles, tags, modem and parameters"
+        f"{env} has {want[first]} there: use a policy trained on {env}, with the same vehicles, tags, modem and parameters, or "
+        "give those that it was trained with (--set)"
     )

@@ -23,6 +23,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from tagtrack.eval.results_folder import require_room
 from tagtrack.policies.files import is_leftover, remove_leftovers, replace_file
 from tagtrack.train.checkpoint import CHECKPOINT_FOLDER
 from tagtrack.train.lock import LOCK_FILE, FolderLock
@@ -70,6 +71,7 @@ class RunFolder:
         made = not path.exists()
         if not made:
             _require_empty(path)
+        require_room(path, f"--out {path}")
         path.mkdir(parents=True, exist_ok=True)
         folder = cls(path, made=made)
         try:
@@ -89,7 +91,9 @@ class RunFolder:
             ValueError: where another process trains in it.
         """
         if not (path / CONFIG_FILE).is_file():
-            raise FileNotFoundError(f"{path} is not a run: it has no {CONFIG_FILE}")
+            within = sorted(run.parent for run in path.glob(f"*/{CONFIG_FILE}"))
+            way = f"; the command that began those in it goes on with all, --resume {within[0]} with one" if within else ""
+            raise FileNotFoundError(f"{path} is not a run: it has no {CONFIG_FILE}{way}")
         for part in (CHECKPOINT_FOLDER, UNTRAINED, "tensorboard"):
             if (path / part).is_symlink():
                 raise ValueError(f"{path / part} is a link, which may lead out of the run; put what it means in its place")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from tagtrack.eval.folder_claim import claim, release
 from tagtrack.eval.plots import save_figure
 from tagtrack.eval.progress import progress_bar
 from tagtrack.eval.report import console_table, markdown_table, show, write_text
+from tagtrack.eval.results_folder import require_room
 from tagtrack.eval.rivals import rivals_of
 from tagtrack.eval.rollout import SeedBlock, run_seed
 from tagtrack.eval.versions import collect_versions
@@ -52,6 +54,11 @@ def train_several(config: TrainConfig) -> int:
     place = config.out or Path("runs") / f"{full_id(config.env).rpartition('/')[2]}-{config.algo}"
     plain = dataclasses.replace(config, seeds=(), engine=TrainConfig().engine)
     runs = {place / f"seed{seed}": dataclasses.replace(plain, seed=seed, out=place / f"seed{seed}") for seed in config.seeds}
+    if place.exists() and not place.is_dir():
+        raise ValueError(f"--out {place} is a file; choose a folder")
+    if (place / CONFIG_FILE).is_file():
+        raise ValueError(f"--out {place} holds a run; several go into folders of their own below it, so choose another folder")
+    require_room(place, f"--out {place}")
     claim(place)
     try:
         travels = config.engine.engine == "ray"
@@ -65,6 +72,9 @@ def train_several(config: TrainConfig) -> int:
         if status == 0:
             conclude(config, task, place, list(runs))
         return status
+    except KeyboardInterrupt:
+        print("\nthe same command again goes on with what is not finished", file=sys.stderr)
+        raise
     finally:
         release(place)
 

@@ -31,8 +31,13 @@ def test_the_text_of_an_option_breaks_where_it_must_and_not_where_the_source_doe
 def test_a_list_of_nothing_is_refused_where_it_would_mean_the_default(capsys):
     assert train(["--seeds"]) == 2 and main(["suite", "--tasks", "--quick"]) == 2
     assert main(["benchmark", "--policies", ""]) == 2 and main(["benchmark", "--metrics="]) == 2
+    assert main(["aggregate"]) == 2  # no list was named at all
     told = capsys.readouterr().err
-    assert "--seeds names nothing; give it a value or leave it out" in told and "--tasks names nothing" in told
+    assert (
+        "name the folders of some benchmarks" in told
+        and "--seeds names nothing; give it a value or leave it out" in told
+        and "--tasks names nothing" in told
+    )
 
 
 def test_a_log_hears_of_long_work_each_minute_and_of_short_work_nothing(monkeypatch, capsys):

@@ -104,6 +104,24 @@ def test_a_folder_of_other_runs_is_refused_before_anything_runs(train, tmp_path,
     assert "both/seed0 was trained with hyper=['rollout=32'], not ['rollout=32', 'gamma=0.9']; choose another --out" in error
 
 
+def test_a_single_run_gets_no_others_into_its_folder_and_those_below_are_named(train, tmp_path, single):
+    shutil.copytree(single / "seed0", tmp_path / "runs/one")
+    status, _, error = train(*SMALL, *STEPS, "--seeds", "0", "1", "--out", "runs/one")
+    assert status == 2 and "--out runs/one holds a run;" in error and not list((tmp_path / "runs/one").glob("seed*"))
+    status, _, error = train("--resume", "runs")
+    assert status == 2 and "--resume runs/one with one" in error and error.count("\n") == 1
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses root as well")
+@pytest.mark.parametrize("seeds", [(), ("--seeds", "0", "1")], ids=["one", "several"])
+def test_a_place_that_cannot_be_is_refused_before_anything_runs(train, tmp_path, seeds):
+    status, _, error = train(*SMALL, *STEPS, *seeds, "--out", "/proc/mine")
+    assert status == 2 and "--out /proc/mine cannot be written (/proc: " in error
+    (tmp_path / "file").write_text("")
+    status, _, error = train(*SMALL, *STEPS, *seeds, "--out", "file")
+    assert status == 2 and "--out file is a file; choose a folder" in error
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
