@@ -73,8 +73,8 @@ def train_several(config: TrainConfig) -> int:
             conclude(config, task, place, list(runs))
         return status
     except KeyboardInterrupt:
-        print("\nthe same command again goes on with what is not finished", file=sys.stderr)
-        raise
+        print("\nbroken off; the same command again goes on with what was saved", file=sys.stderr)
+        return 130
     finally:
         release(place)
 

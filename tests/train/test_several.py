@@ -79,7 +79,7 @@ def test_a_run_that_was_cut_off_goes_on_and_comes_to_the_same(train, tmp_path, s
 
     monkeypatch.setattr(session, "learn", break_off)
     status, _, error = train(*SMALL, *STEPS, "--seeds", "0", "1", "--processes", "1", "--out", "both")
-    assert (status, error) == (130, "\nbroken off; what was saved stays\n")
+    assert (status, error) == (130, "\nbroken off; the same command again goes on with what was saved\n")
     assert not (tmp_path / "both/seed1").exists(), "Ctrl-C ends all, not one"
     assert 0 < len(steps_in(tmp_path / "both/seed0")) < len(steps_in(single / "seed0"))
     monkeypatch.setattr(session, "learn", learn)
@@ -148,7 +148,7 @@ def test_ctrl_c_lets_the_processes_save_what_they_have(tmp_path):
         time.sleep(0.1)
     running.send_signal(signal.SIGINT)
     _, error = running.communicate(timeout=120)
-    assert running.returncode == 130 and error.endswith("broken off; what was saved stays\n")
+    assert running.returncode == 130 and error.endswith("broken off; the same command again goes on with what was saved\n")
     for run in runs:
         assert "go on with" in run.with_name(f"{run.name}.log").read_text()
         assert steps_in(run)[-1] == json.loads((run / "checkpoint/latest.json").read_text())["steps"]
