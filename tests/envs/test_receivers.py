@@ -17,7 +17,7 @@ from tagtrack.envs.kernels.records import to_record
 from tagtrack.envs.measurement import LISTENER, Status, measurement
 from tagtrack.envs.overrides import with_overrides
 from tagtrack.envs.scenario import SCENARIOS, Scenario
-from tagtrack.envs.sensors import MeasuredReception, PresenceReceiver, RangeReceiver
+from tagtrack.envs.sensors import MeasuredReception, PresenceReceiver, RangeReceiver, TimeOfFlightReceiver
 from tagtrack.envs.sensors.presence import MAX_RANGE, RECEPTION
 from tagtrack.envs.simulation import Simulation
 from tagtrack.envs.tag import Tag
@@ -219,3 +219,11 @@ def test_fields_of_a_belief_of_a_known_range_hold_what_is_assumed() -> None:
     beliefs = simulation.worlds.beliefs
     assert (beliefs["estimated"] == 260.0).all() and (beliefs["estimated_spread"] == 0.0).all()
     assert simulation.worlds.particles.shape[3] == 4
+
+
+@pytest.mark.parametrize("kind", [RangeReceiver, TimeOfFlightReceiver])
+@pytest.mark.parametrize("factor", [1e-17, 0.0, -1.0, 11.0])
+def test_a_factor_of_no_sound_speed_is_refused(kind: type, factor: float) -> None:
+    """A reading divided by it would put particles where float32 ends."""
+    with pytest.raises(ValueError, match="range_factor must be from 0.1 to 10, got"):
+        kind(range_factor=factor)
