@@ -15,6 +15,9 @@ from tagtrack.policies.box import BOX
 from tagtrack.policies.files import DESCRIPTION_FILE, WEIGHTS_FILE, load_policy, replace_file
 
 LARGEST = 130_000  # bytes of weights
+NAMED = (  # settings that a command line names
+    "env", "algo", "steps", "seed", "num_envs", "preset", "particles", "motion", "vehicles", "tags", "modem", "start",
+)  # fmt: skip
 
 
 def box_run(run: Path, name: str) -> Path:
@@ -43,20 +46,7 @@ def box_run(run: Path, name: str) -> Path:
 def command_of(config: dict[str, Any]) -> str:
     """The command line that a run's config.json came from."""
     words = ["tagtrack", "train"]
-    for name in (
-        "env",
-        "algo",
-        "steps",
-        "seed",
-        "num_envs",
-        "preset",
-        "particles",
-        "motion",
-        "vehicles",
-        "tags",
-        "modem",
-        "start",
-    ):
+    for name in NAMED:
         if config.get(name) is not None:
             words += [f"--{name.replace('_', '-')}", str(config[name])]
     for name in ("set", "hyper"):
